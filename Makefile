@@ -110,7 +110,7 @@ EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
 # Ctrl-C ends all that it has started.
 KILL_TREE := python ci/kill_tree.py
 RUN_TESTS := $(IN_ENV) $(KILL_TREE) python ci/run_tests.py
-# These two start with every `make run`: -ES, because the environment's own modules take 0.1 s to find.
+# These start with every `make run`: -ES, because the environment's own modules take 0.1 s to find.
 QUICK_PYTHON := $(call QUOTED,$(PYTHON)) -ES
 BUILD := "$$VENV/bin/python" -ES ci/build.py
 WITHIN := "$$VENV/bin/python" -ES ci/within.py
@@ -118,7 +118,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) figure-check page-check mission-check namespace-check run-check soak-check tags-check
+.PHONY: $(TARGETS) figure-check page-check mission-check namespace-check python-check run-check soak-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -129,9 +129,8 @@ help:  ## list the targets
 run: run-check namespace-check bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
 	@$(IN_ENV) ci/serve $(if $(NAMESPACE),$(call QUOTED,namespace:=$(NAMESPACE))) $(ARGS)
 
-run-check:
-	@for word in $(ARGS); do [[ "$$word" == -* || "$$word" == ?*:=* ]] \
-	    || { echo "run: ARGS has '$$word', which sets no parameter: write name:=value" >&2; exit 2; }; done
+run-check: python-check
+	@$(if $(ARGS),$(QUICK_PYTHON) ci/check_run.py $(ARGS))
 
 namespace-check:
 	@[[ ! "$$NAMESPACE" || "$$NAMESPACE" =~ ^(/[A-Za-z_][A-Za-z0-9_]*)+$$ ]] \
@@ -190,9 +189,11 @@ tags-check:
 
 # change
 
-env:  ## make the Python environment (.venv) of all targets
+python-check:
 	@$(QUICK_PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
 	    || { echo 'environment: $(subst ','\'',$(PYTHON)) is not Python 3.10 or newer: sudo apt install python3, or make $(or $(MAKECMDGOALS),run) PYTHON=python3.12' >&2; exit 1; }
+
+env: python-check  ## make the Python environment (.venv) of all targets
 	@$(QUICK_PYTHON) ci/environment.py "$$VENV" $(DISTRO)
 
 build: env  ## build TREE with colcon

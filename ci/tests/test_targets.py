@@ -69,7 +69,13 @@ MISTAKES = [
     (['mission', 'RECORD=a.txt'], "mission: RECORD='a.txt' ends in none of .sqlite, .db, .csv: write "),
     (['mission', 'RECORD=no/a.csv'], "mission: RECORD='no/a.csv': there is no folder 'no': make it"),
     (['mission', 'WORLD=1', 'CAMERA=detections'], 'WORLD=1 renders images, so CAMERA=detections'),
-    (['run', 'ARGS=a:=b debug_seed=42'], "run: ARGS has 'debug_seed=42', which sets no parameter: "),
+    (['run', 'ARGS=use_sim_time:=true seed=42'], "run: ARGS has 'seed=42', which sets no parameter: "),
+    (['run', 'ARGS=-p debug_sed:=42'], 'run: parameter debug_sed is unknown: did you mean debug_seed?'),
+    (
+        ['run', 'ARGS=rate:=1'],
+        'run: parameter rate is unknown: the parameters are tag_file, ',
+    ),
+    (['run', 'PYTHON=false'], 'false is not Python 3.10 or newer: sudo apt install'),
     (['tags', "SIDE=it's 4;cm"], "tags: SIDE='it's 4;cm' is no number of millimetres between"),
     (['tags', 'SIDE=0.04'], "tags: SIDE='0.04' is no number of millimetres between 8 and 152: write SIDE=40"),
     (['tags', 'SIDE=152.5'], "tags: SIDE='152.5' is no number of millimetres between 8 and 152: write"),
@@ -229,6 +235,7 @@ def test_a_target_of_the_monorepo_runs_whatever_tree_a_shell_has_set(target):
 def shown(tmp_path):
     """Return a function that runs a target, whose program only prints its arguments, one a line."""
     (tmp_path / 'ci').mkdir()
+    (tmp_path / 'ci/check_run.py').touch()
     (tmp_path / 'ci/ros_env.bash').write_text('LUPIN_EXECUTABLES=ci; python() { printf \'%s\\n\' "$@"; }\n')
     for name in ('serve', 'read_tag'):
         (tmp_path / 'ci' / name).write_text('#!/bin/sh\nprintf \'%s\\n\' "$@"\n')
@@ -266,7 +273,7 @@ def test_a_program_gets_the_words_that_a_person_wrote_and_nothing_in_them_is_run
 
 
 def test_a_bridge_in_a_namespace_is_read_there(open_shell):
-    open_shell().paste('ci/serve namespace:=team7/ debug_time_of_day:=12')
+    open_shell().paste('ci/serve namespace:=team7/ -p debug_time_of_day:=12')
     read = 'make read TAG=1 NAMESPACE=/team7 ARGS="--json --timeout 60" 2>/dev/null'
     assert json.loads(open_shell().run(read))['sim_time_of_day_seconds'] == 43200.0
 
