@@ -654,6 +654,7 @@ page_style.setProperty('--colours', data.colours);
 page_style.setProperty('--file', JSON.stringify(data.title));
 page_style.setProperty('--aspect', aspect);
 document.body.classList.toggle('tall', aspect < 1);
+document.body.classList.toggle('lone', data.sensors.length === 1);
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
 element('figures').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
