@@ -15,7 +15,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from check_drift import pluralized
 
@@ -231,9 +231,20 @@ def write_file(path: Path, file: File) -> None:
     path.chmod(file[1])
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that takes options only by their full names; an error is one line."""
+
+    def __init__(self, name: str, description: str) -> None:
+        super().__init__(prog=name, description=description, allow_abbrev=False)
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with one line, without the list of all options."""
+        self.exit(2, f'{self.prog}: {message}: see --help\n')
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Generate, or with --check compare; return the exit code."""
-    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.splitlines()[1])
+    parser = Parser('generate', __doc__.splitlines()[1])
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
     what.add_argument('--prune', action='store_true', help='also remove what a rename left behind')

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 import domain_coordinator
 import psutil
 from lupin_greenhouse_bridge.errors import pluralized
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.testing import NodeProcess
 
 T = TypeVar('T')
@@ -24,7 +25,7 @@ PATIENCE_SECONDS = 60.0
 
 def parser_of(document: str | None, short: str) -> argparse.ArgumentParser:
     """Return a parser with the first line of a module's docstring, and the option --short."""
-    parser = argparse.ArgumentParser(allow_abbrev=False, description=(document or '').strip().splitlines()[0])
+    parser = Parser(description=(document or '').strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help=short)
     return parser
 

@@ -216,6 +216,19 @@ WRONG_REMOTES = [
 ]
 
 
+@pytest.mark.parametrize(
+    ('name', 'main'), [('generate', generate.main), ('mirror-publish', mirror_publish.main)]
+)
+def test_a_wrong_option_is_one_line(name, main, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['nothere', '--dryrun'])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f'{name}: unrecognized arguments: ')
+    assert said.endswith('--dryrun: see --help\n')
+    assert said.count('\n') == 1
+
+
 def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
     for name, reason in WRONG_REMOTES:
         code, printed = publish('--dry-run', to=name)

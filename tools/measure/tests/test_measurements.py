@@ -78,3 +78,11 @@ def test_the_network_test_does_not_pass_where_it_cannot_run(monkeypatch, capsys)
     monkeypatch.setattr(sys, 'argv', ['network.py'])
     assert network.main() == network.CANNOT_RUN
     assert 'cannot run here: it needs root' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('main', [bench.main, network.main, soak.main])
+def test_a_wrong_option_is_one_line(monkeypatch, capsys, main):
+    monkeypatch.setattr(sys, 'argv', ['measure', '--shrot'])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().err == 'measure: error: unrecognized arguments: --shrot: see --help\n'
