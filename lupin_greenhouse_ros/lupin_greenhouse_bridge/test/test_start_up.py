@@ -18,6 +18,8 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.runtime.parameters import default_text
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
+from lupin_greenhouse_bridge.runtime.run import node_creation
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.testing._helpers import check_settings
@@ -153,7 +155,9 @@ def test_what_ros_cannot_parse_is_told_apart(bridge_here, arguments, fault):
         ('ROS_SECURITY_ENABLE', 'True', "ROS_SECURITY_ENABLE is 'True': must be one of true, false"),
         ('ROS_SECURITY_ENABLE', 'true', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it'),
         ('ROS_SECURITY_STRATEGY', 'enforce', "'enforce': must be one of Enforce, Permissive"),
-        ('ROS_LOG_DIR', '/dev/null/log', 'a folder for its logs: set ROS_LOG_DIR to a folder that'),
+        ('FASTDDS_DEFAULT_PROFILES_FILE', '/none.xml', "FASTDDS_DEFAULT_PROFILES_FILE names no file: '/none"),
+        ('FASTRTPS_DEFAULT_PROFILES_FILE', '/none.xml', 'set it to the path of an XML file, or unset it'),
+        ('ROS_LOG_DIR', '/dev/null/log', "the folder '/dev/null/log' for its logs: set ROS_LOG_DIR to"),
     ],
 )
 def test_a_variable_that_ros_cannot_use_is_named(bridge_here, monkeypatch, name, value, fault):
@@ -161,6 +165,13 @@ def test_a_variable_that_ros_cannot_use_is_named(bridge_here, monkeypatch, name,
     ended = bridge_here()
     assert fault in ended.refusal
     assert ended.err.count('\n') == 1
+
+
+def test_a_static_peer_that_is_no_host_is_named():
+    """With the words of rmw_fastrtps; Humble has no such variable."""
+    message = "^ROS_STATIC_PEERS has 'abc', which is no host that is known: write host names or addresses"
+    with pytest.raises(StartUpError, match=message), node_creation():
+        raise RCLError('error creating node: Unable to resolve peer abc\n, at /src/participant.cpp:256')
 
 
 @pytest.mark.parametrize('arguments', [('--ros-args', '-p', '--help'), ('--ros-args', '-h'), ('--help',)])

@@ -67,6 +67,10 @@ def main(args: list[str] | None = None) -> int:
             if before in ('-p', '--param') and name != 'use_sim_time':
                 option = f'--{name.replace("_", "-")} {value}'
                 raise UsageError(f'-p {rule} sets nothing here: write {option} before --ros-args')
+        if options.publish:
+            from lupin_greenhouse_bridge.runtime.run import check_arguments
+
+            check_arguments(['approach_poses', *ros_words])
         data, frame_id = _compute(options)
         print_line(FORMATS[options.format](data), end='')
         _warn(*(f"tag '{escaped(each['tag_id'], 64)}': {each['reason']}" for each in data['unreachable']))

@@ -31,6 +31,8 @@ VALUES_OF_VARIABLES = {
 VARIABLES_OF_LOGGING = [
     f'RCUTILS_{each}' for each in ('COLORIZED_OUTPUT', 'LOGGING_USE_STDOUT', 'LOGGING_BUFFERED_STREAM')
 ]
+# Fast DDS starts without a file that is missing, and logs a line of its own.
+VARIABLES_OF_FILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
 
 _is_asked_to_end = False
@@ -166,6 +168,9 @@ def environment_problem() -> str:
     for name, accepted in VALUES_OF_VARIABLES.items():
         if (value := os.environ.get(name)) and value not in accepted:
             return f'{name} is {value!r}: must be one of {", ".join(accepted)}'
+    for name in VARIABLES_OF_FILES:
+        if (path := os.environ.get(name)) and not os.path.isfile(path):
+            return f'{name} names no file: {path!r}: set it to the path of an XML file, or unset it'
     if _is_secure() and not os.path.isdir(keystore := os.environ.get('ROS_SECURITY_KEYSTORE', '')):
         shown = f'is no folder: {keystore!r}' if keystore else 'is not set'
         return f'security is enabled, but ROS_SECURITY_KEYSTORE {shown}: set it to the path of the keystore'

@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any
 
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.logging import get_logger, get_logger_effective_level, set_logger_level
@@ -50,10 +51,16 @@ START_FAULTS = {
         "'{}' is no ROS argument: write it before --ros-args, or a parameter as -p name:=value"
     ),
     r"log level: '--log-level (.*?)'": '--log-level {}: must be debug, info, warn, error or fatal',
+    r"create log directory:? '?(.*?)'?(?:: \d+)?, at": (
+        "ROS cannot make the folder '{}' for its logs: set ROS_LOG_DIR to a folder that you can write to"
+    ),
     'logging directory|log directory': (
         'ROS cannot make a folder for its logs: set ROS_LOG_DIR to a folder that you can write to'
     ),
 }
+UNKNOWN_PEER = (
+    "ROS_STATIC_PEERS has '{}', which is no host that is known: write host names or addresses, with ; between"
+)
 
 
 def run(
@@ -113,13 +120,7 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     Raises StartUpError, which says what to change, if ROS cannot start.
     """
     process.install_signal_handlers()
-    if problem := process.environment_problem():
-        raise StartUpError(problem)
-    try:
-        with _without_log_of_rcl():
-            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
-        raise StartUpError(_cause(str(error), sys.argv if args is None else args)) from error
+    _init(args)
     try:
         executor = SingleThreadedExecutor()
         try:
@@ -135,6 +136,22 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
         rclpy.get_default_context().try_shutdown()
         for number in process.SIGNALS:  # Python resets its own handlers before DDS has ended
             signal.signal(number, signal.SIG_IGN)
+
+
+def check_arguments(args: list[str]) -> None:
+    """Raise the StartUpError of ros() for these words of a command line, before a long computation."""
+    _init(args, context := Context())
+    context.try_shutdown()
+
+
+def _init(args: list[str] | None, context: Context | None = None) -> None:
+    if problem := process.environment_problem():
+        raise StartUpError(problem)
+    try:
+        with _without_log_of_rcl():
+            rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
+        raise StartUpError(_cause(str(error), sys.argv if args is None else args)) from error
 
 
 @contextlib.contextmanager
@@ -171,6 +188,8 @@ def node_creation() -> Iterator[None]:
     except (NameValidationException, ParameterException) as error:
         raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
     except RCLError as error:
+        if found := re.search(r'resolve peer (.*?)\s*, at ', str(error)):
+            raise StartUpError(UNKNOWN_PEER.format(found[1])) from error
         raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
     except Exception as error:
         raise StartUpError(f'the node cannot start ({type(error).__name__}: {error})') from error

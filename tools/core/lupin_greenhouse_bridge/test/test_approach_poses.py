@@ -158,6 +158,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--ros-args', '-p', 'radius:=0.3'], '-p radius:=0.3 sets nothing here: write --radius 0.3 before'),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
+        (['--publish', '--ros-args', '-r', '__ns:=a'], "namespace 'a' must begin with /: write -r __ns:=/a"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
         ([*WALLS, '--radius', '1.99'], 'clearance 0.01 m does not fit between the walls, which are 4 m'),
         (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
