@@ -21,7 +21,7 @@ from pathlib import Path
 
 import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized, reason_of
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
@@ -134,6 +134,8 @@ def run_mission(options: argparse.Namespace) -> int:
         return USAGE
     drawn = draw(report, value_of(options.arguments, 'walls'))
     recorded = check_record(options.record, report) if options.record else 0
+    if exit_code == 1:
+        print(f'mission: {not_read(report)}', file=sys.stderr)
     return exit_code or drawn or recorded
 
 
@@ -198,6 +200,15 @@ def draw(report: Path, walls: str) -> int:
         raise_if_asked_to_end()
     print_line(f'report: {report}')
     return exit_codes[0]
+
+
+def not_read(report: Path) -> str:
+    """Return which tags of the report have no reading, and why. Nothing is in it of tags not visited."""
+    visits = read_file(report).visits if has_lines(report) else []
+    is_read = {each.tag_id for each in visits if each.reading}
+    missing = {each.tag_id: each.outcome.value for each in visits if each.tag_id not in is_read}
+    named = ', '.join(f'{escaped(tag_id, 40)} ({outcome})' for tag_id, outcome in missing.items())
+    return f'not read: {named}' if named else 'not all tags were visited: see the table above'
 
 
 def check_record(file: str, report: Path) -> int:

@@ -137,6 +137,8 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
             assert reason.startswith(f'pose {number}: navigate_to_pose aborted the drive')
         assert number == 2
     assert f'{2 if tolerance else 1}/3 tags read' in result.stdout
+    missing = '13 (UNREACHABLE)' if tolerance else '6 (UNREACHABLE), 13 (UNREACHABLE)'
+    assert result.stderr.splitlines()[-1] == f'mission: not read: {missing}'
     route = read_route(report.with_name(f'{report.stem}-route.csv'))
     assert min(math.dist(each, layout.tags['1'][:2]) for each in route) < 1.0
     assert route[-1] == (0.5, 0.5)  # the dock is where the robot started
