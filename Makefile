@@ -218,7 +218,7 @@ test-tree: env  ## run the tests of the packages of TREE: make test-tree PACKAGE
 	@$(RUN_TESTS) tree
 
 lint: env  ## check the code with ruff and mypy, the spelling, and the workflows against their schema
-	@$(IN_ENV) ruff check . && ruff format --check .
+	@$(IN_ENV) ruff check . && ruff format --check . || { echo 'lint: ruff format . wraps lines, in a shell with ci/ros_env.bash' >&2; exit 1; }
 	@$(IN_ENV) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'tools/*.js')
 	@! git grep -nE '.{121}' -- 'tools/*.js' || { echo 'lint: a line of a script is longer than 120 characters: wrap it' >&2; exit 1; }
 	@$(IN_ENV) mypy
