@@ -134,8 +134,8 @@ def run_mission(options: argparse.Namespace) -> int:
         return USAGE
     drawn = draw(report, value_of(options.arguments, 'walls'))
     recorded = check_record(options.record, report) if options.record else 0
-    if exit_code == 1:
-        print(f'mission: {not_read(report)}', file=sys.stderr)
+    if exit_code == 1 and (tags := not_read(report)):
+        print(f'mission: not read: {tags}', file=sys.stderr)
     return exit_code or drawn or recorded
 
 
@@ -203,12 +203,11 @@ def draw(report: Path, walls: str) -> int:
 
 
 def not_read(report: Path) -> str:
-    """Return which tags of the report have no reading, and why. Nothing is in it of tags not visited."""
+    """Return which tags of the report have no reading, and why; '' if there is none."""
     visits = read_file(report).visits if has_lines(report) else []
     is_read = {each.tag_id for each in visits if each.reading}
     missing = {each.tag_id: each.outcome.value for each in visits if each.tag_id not in is_read}
-    named = ', '.join(f'{escaped(tag_id, 40)} ({outcome})' for tag_id, outcome in missing.items())
-    return f'not read: {named}' if named else 'not all tags were visited: see the table above'
+    return ', '.join(f'{escaped(tag_id, 40)} ({outcome})' for tag_id, outcome in missing.items())
 
 
 def check_record(file: str, report: Path) -> int:
