@@ -48,12 +48,14 @@ GOALS := $(or $(MAKECMDGOALS),help)
 WRONG := $(filter-out $(TARGETS),$(GOALS))
 ifneq ($(WRONG),)
 NAMED := $(firstword $(filter $(COMMON) $(foreach target,$(TARGETS),$(TAKES_$(target))),$(WRONG)))
-REST := $(filter-out $(NAMED),$(WRONG))
+# DRIVE CAMERA are two of them; TAG 1 is one, and its value.
+REST := $(filter-out $(NAMED) $(SWITCHES),$(WRONG))
 NEAREST := import difflib, sys; print(*difflib.get_close_matches(sys.argv[1].lower(), sys.argv[2:], 1, 0.6))
 # A word with a dot is a file.
 NEAREST := $(if $(findstring .,$(WRONG)),,$(shell python3 -ESc '$(NEAREST)' $(call QUOTED,$(firstword $(WRONG))) $(TARGETS)))
 MEANT := $(firstword $(foreach goal,$(GOALS),$(VALUE_$(goal))))
 HINT := $(or \
+    $(if $(word 2,$(filter $(SWITCHES),$(WRONG))),write $(WRONG:%=%=1)),\
     $(if $(NAMED),write $(NAMED)=$(or $(if $(word 2,$(REST)),"$(REST)",$(REST)),$(if $(filter $(SWITCHES),$(NAMED)),1,VALUE))),\
     $(if $(NEAREST),did you mean $(NEAREST)?),\
     $(if $(filter-out TAG SIDE,$(or $(MEANT),none)),$(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1)),\
@@ -139,7 +141,7 @@ namespace-check:
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
-read: namespace-check bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
+read: namespace-check bridge  ## read tags from a running bridge (default: tag 1): make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service $(call QUOTED,$(NAMESPACE)/greenhouse_bridge/get_tag_reading)) $(ARGS)
 
 mission: IN_MISSION = $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins)))

@@ -95,6 +95,7 @@ MISTAKES = [
     (['mission', 'DRIVE=', '1'], 'there is no target 1: write a value without a space, such as DRIVE=1'),
     (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
     (['mission', 'DRIVE'], 'there is no target DRIVE: write DRIVE=1'),
+    (['mission', 'DRIVE', 'CAMERA'], 'there is no target DRIVE CAMERA: write DRIVE=1 CAMERA=1.'),
     (['mission', 'CAMERA', 'compressed'], 'there is no target CAMERA compressed: write CAMERA=compressed'),
     (['read', 'TAG', '1'], 'there is no target TAG 1: write TAG=1.'),
     (['read', 'TAG', '1', '5'], 'there is no target TAG 1 5: write TAG="1 5".'),

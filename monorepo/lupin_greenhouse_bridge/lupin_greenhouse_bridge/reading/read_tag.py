@@ -53,7 +53,8 @@ def main(args: list[str] | None = None) -> int:
             words = remove_ros_args(sys.argv if args is None else args)[1:]
             options = _parser(executor).parse_args(words)
             if bool(options.tag_ids) == options.all:
-                raise UsageError('name one or more tag ids, or --all, but not both')
+                taken = '' if options.watch is None else f' ({options.watch:g} is the SECONDS of --watch)'
+                raise UsageError(f'name one or more tag ids, or --all, but not both{taken}')
             if options.count is not None and options.watch is None:
                 raise UsageError('--count needs --watch SECONDS')
             node = _node_in(executor)

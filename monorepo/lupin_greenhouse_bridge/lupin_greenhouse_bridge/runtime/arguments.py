@@ -34,7 +34,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End the program with one line, without the list of all options that argparse prints before it."""
         message = re.sub(r'expected \d+ arguments', r'\g<0>, without quotes around them', message)
-        advice = ': see --help' if message.startswith(('unrecognized', 'the following')) else ''
+        has_advice = message.count(': ') > 1 or 'is empty' in message
+        advice = '' if has_advice else ': see --help'
         self.exit(2, f'{self.prog}: error: {message}{advice}\n')
 
 
