@@ -101,7 +101,8 @@ def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
     nodes = [node('lupin_greenhouse_bridge', 'bridge_node')]
     mission: dict[str, Any] = {'report_file': str(report), 'wait_for_start': False, 'drive': 'simulated'}
     if options.record:
-        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', file=options.record))
+        recorded = {'file': options.record, 'readings_topics': '/mission/readings'}
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', **recorded))
         mission['wait_for_subscriber'] = True
     if options.drive:
         route = str(companion(report, 'route'))

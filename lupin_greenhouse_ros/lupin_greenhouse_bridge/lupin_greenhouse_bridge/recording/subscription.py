@@ -84,7 +84,9 @@ def subscribe_to_readings(
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
-    watch_publishers(node, names, 'a mission or read_on_sight that starts', OF_A_MISSION)
+    # A mission names its one topic to its own recorder.
+    remark = OF_A_MISSION if len(names) > 1 else ''
+    watch_publishers(node, names, 'a mission or read_on_sight that starts', remark)
     return names
 
 
