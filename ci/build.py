@@ -14,17 +14,18 @@ import ctrl_c  # noqa: F401
 # isort: split
 import hashlib
 import os
+import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from jobs import Word, end, lack_of_space, locked
+from jobs import Build, Word, end, lack_of_space, locked, run
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED_MB = 100
+SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
 
 
 class Workspace(NamedTuple):
@@ -108,19 +109,26 @@ def build(workspace: Workspace, packages: list[Path]) -> None:
 
 
 def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> None:
-    """Build the packages of these names, with what colcon shows of it; end the process if that fails."""
+    """
+    Build the packages of these names.
+
+    Shows warnings and the summary; or everything, and ends the process, if it fails.
+    """
     print(f'build: {len(names)} new or changed:', *names, file=sys.stderr)
-    if problem := lack_of_space(workspace.folder, NEEDED_MB):
+    folder = workspace.folder
+    if problem := lack_of_space(folder, NEEDED_MB):
         sys.exit(f'build: {problem}')
     command = workspace.colcon('build', 'log', '--paths', *packages, '--packages-select', *names)
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
     command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
     command += ['-DBUILD_TESTING=OFF', '-DWITH_CPP=OFF', '--no-warn-unused-cli']
+    command += ['--event-handlers', 'console_direct+']
     # colcon's own -l would leave cores unused beside other work.
     os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'
-    colcon = workspace.inside(*command, is_overlaid=False)
-    if subprocess.run(colcon, cwd=ROOT, stdout=sys.stderr, check=False).returncode:  # colcon has said why
+    job = Build(workspace.inside(*command, is_overlaid=False), folder / 'build.log', len(names))
+    if not run([job]):
         sys.exit(1)
+    print('\n'.join(SHOWN.findall(job.output())), file=sys.stderr)
 
 
 if __name__ == '__main__':

@@ -79,6 +79,35 @@ class Job:
         return self.log.read_text(encoding='utf-8', errors='replace')
 
 
+class Build(Job):
+    """A build by colcon: reads the packages that colcon reports, and the share of each that make reports."""
+
+    shown_at_failure = 100_000
+    PACKAGE = re.compile(r'^Starting >>> (\S+)')
+    SHARE = re.compile(r'^\[ *(\d+)%\] ')
+
+    def __init__(self, command: Sequence[Word], log: Path, count: int):
+        super().__init__('build', command, log)
+        self._count = count  # of packages
+        self._started: list[str] = []
+        self._share = 0  # in percent
+
+    def read(self, line: str) -> None:
+        """Note the package, or the share of it that is built."""
+        if package := self.PACKAGE.match(line):
+            self._started.append(package[1])
+            self._share = 0
+        elif share := self.SHARE.match(line):
+            self._share = max(self._share, int(share[1]))  # make works in parallel, and reports out of order
+
+    def state(self) -> str:
+        """Return the package, its place among the packages, and how far it is."""
+        if not self._started:
+            return 'build'
+        share = f', {self._share} %' if self._share else ''
+        return f'build: package {len(self._started)} of {self._count}, {self._started[-1]}{share}'
+
+
 class Tests(Job):
     """A run of pytest, --verbose and --instafail: counts the tests, shows what failed or was skipped."""
 

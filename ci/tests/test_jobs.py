@@ -46,6 +46,16 @@ def test_the_tests_are_counted_as_they_end_and_a_failure_is_shown(tmp_path, opti
     assert not any('PASSED' in each or 'test_each[0a' in each for each in shown)
 
 
+def test_a_build_names_the_package_and_the_share_of_it_that_is_built(tmp_path):
+    job = jobs.Build([], tmp_path / 'log', count=2)
+    assert job.state() == 'build'
+    job.read('Starting >>> team_msgs')
+    job.read('[ 42%] Building C object CMakeFiles/x.dir/rosidl_generator_c/team_msgs/msg/detail/other.c.o')
+    assert job.state() == 'build: package 1 of 2, team_msgs, 42 %'
+    job.read('Starting >>> team_node')
+    assert job.state() == 'build: package 2 of 2, team_node'
+
+
 class Terminal(io.StringIO):
     """A stream that is a terminal."""
 
