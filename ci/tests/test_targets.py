@@ -172,6 +172,10 @@ def test_a_command_in_the_environment_that_cannot_run_is_one_line(
     assert (ended.returncode, ended.stderr) == (exit_code, said)
 
 
+def test_a_command_in_the_environment_runs_where_the_person_stands(tmp_path):
+    assert run(sys.executable, ROOT / 'ci/within.py', 'pwd', cwd=tmp_path).stdout == f'{tmp_path}\n'
+
+
 MATRIX = [
     ({'PYTHONS': '3.9'}, 'matrix: PYTHONS=3.9: write versions such as 3.12, 3.10 or newer\n'),
     ({'PYTHONS': '3.12x'}, 'matrix: PYTHONS=3.12x: write versions such as 3.12, 3.10 or newer\n'),
