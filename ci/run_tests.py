@@ -27,6 +27,8 @@ AT_ONCE = 3  # tests often wait, so there are more workers than cores
 PYTEST = ('python', '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '--instafail', '-rs')
 # Many times the longest run: a hang must fail. What a run leaves behind ends with it.
 BOUNDED = (sys.executable, 'ci/kill_tree.py', 'timeout', '30m')
+# The tests of what the mirror has of its own: its messages, one line of the bridge, manifest and documents.
+OF_THE_MIRROR = [f'test/test_{name}.py' for name in ('client', 'documents', 'node', 'package', 'start_up')]
 APRILTAG_TESTS = (
     'lupin_tag_confirmation/test/test_images.py',
     'lupin_tag_confirmation/test/test_confirmation.py',
@@ -86,8 +88,8 @@ def mirror_environment(venv: Path) -> Path:
     return mirror_venv
 
 
-def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Tests]:
-    """Build packages; return a job for the tests of each that has some, by colcon."""
+def jobs_of_tree(workspace: Workspace, packages: list[Path], modules: Sequence[str] = ()) -> list[Tests]:
+    """Build packages; return a job for the tests of each that has some, or for these modules, by colcon."""
     build(workspace, packages)
     jobs = []
     for package in packages:
@@ -97,6 +99,7 @@ def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Tests]:
         colcon += ['--packages-select', package.name, '--return-code-on-test-failure']
         colcon += ['--event-handlers', 'console_direct+', 'console_cohesion-', 'console_stderr-']
         colcon += ['--pytest-args', ' -n', WORKERS, ' --verbose', ' --instafail', ' -rs']  # not colcon's own
+        colcon += modules
         command = [*BOUNDED, *within(workspace, *colcon, has_stand_ins=True)]
         log = workspace.folder / f'{package.name}.test.log'
         jobs.append(Tests(f'{workspace.tree}/{package.name}', command, log))
@@ -111,16 +114,21 @@ def bridge_of(workspace: Workspace) -> list[Path]:
 def test_tree() -> bool:
     """Run the tests of one tree, or of the packages in PACKAGES."""
     named = [ROOT / name for name in os.environ.get('PACKAGES', '').split()]
-    return run(tests_of_tree(here(), named or here().packages()), AT_ONCE)
+    return run(jobs_of_tree(here(), named or here().packages()), AT_ONCE)
 
 
 def test_all() -> bool:
-    """Run the tests of both trees and of tools/, then those of ci/, which read the results of the trees."""
-    monorepo = Workspace(here().venv, TREES[0])
-    mirror = Workspace(mirror_environment(here().venv), TREES[1])
-    os.environ['MIRROR_VENV'] = str(mirror.venv)
+    """
+    Run the tests of the monorepo, of what only the mirror has, of tools/, and of ci/, which read results.
+
+    The drift checker proves that the rest of the mirror is the same; test_heavy runs all of its tests.
+    """
+    monorepo, mirror = (Workspace(here().venv, tree) for tree in TREES)
     both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
-    jobs: list[Job] = [job for each in (mirror, monorepo) for job in tests_of_tree(each, each.packages())]
+    jobs: list[Job] = [
+        *jobs_of_tree(mirror, mirror.packages(), OF_THE_MIRROR),
+        *jobs_of_tree(monorepo, monorepo.packages()),
+    ]
     build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs'])
 
     def tests(name: str, *folders: str) -> Tests:
@@ -140,11 +148,12 @@ def install_axe(venv: Path) -> None:
 
 def test_heavy() -> bool:
     """Run what takes minutes."""
-    for tree in TREES:
-        workspace = Workspace(here().venv, tree)
-        build(workspace, workspace.packages())
+    monorepo, mirror = (Workspace(here().venv, tree) for tree in TREES)
+    for each in (monorepo, mirror):
+        build(each, each.packages())
     install_axe(here().venv)
-    monorepo = Workspace(here().venv, TREES[0])
+    other = mirror._replace(venv=mirror_environment(here().venv))
+    os.environ['MIRROR_VENV'] = str(other.venv)
     logs = monorepo.folder / 'heavy'
     itself = (sys.executable, 'ci/run_tests.py')
     measurements = within(monorepo, *PYTEST, 'tools/measure/tests', has_stand_ins=True)
@@ -152,14 +161,15 @@ def test_heavy() -> bool:
         Job('Ubuntu 22.04', [*itself, 'ubuntu-22-04'], logs / 'ubuntu_22_04.log'),
         Tests('measurements', [*BOUNDED, *measurements], logs / 'measurements.log'),
         Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'),
+        *jobs_of_tree(other, other.packages()),
     ]
     if platform.machine() == 'x86_64':  # Drake has no wheel for other processors
         check_world = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
         world = [*BOUNDED, *within(monorepo, check_world, has_drake=True)]
         jobs.insert(2, Job('world', world, logs / 'world.log'))
     heavy = [*BOUNDED, *monorepo.inside(*PYTEST, '-m', 'heavy', 'ci/tests')]
-    jobs.append(Tests('environments', heavy, logs / 'environments.log'))
-    return run(jobs, AT_ONCE)
+    # Last, because it reads the results of the mirror.
+    return run(jobs, AT_ONCE) and run([Tests('environments', heavy, logs / 'environments.log')])
 
 
 def test_apriltag() -> bool:
@@ -242,7 +252,7 @@ def test_matrix() -> bool:
             for simulator in simulators:
                 use_simulator(venv, simulator)
                 workspaces = [Workspace(venv, tree) for tree in TREES]
-                jobs = [job for each in workspaces for job in tests_of_tree(each, bridge_of(each))]
+                jobs = [job for each in workspaces for job in jobs_of_tree(each, bridge_of(each))]
                 are_good &= run(jobs, AT_ONCE)
                 cells = [f'**failed**: {job.log}' if job.exit_code else f'{job.done} passed' for job in jobs]
                 print('|', ' | '.join([version, distro, simulator, *cells]), '|', flush=True)
