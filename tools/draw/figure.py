@@ -35,6 +35,7 @@ from simulated import Greenhouse
 
 COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
 BAND_COLOUR = '#c9d8ea'
+SKEWED = 0.2  # the difference of its halves, as a share of the band
 Picture: TypeAlias = tuple[str, Callable[[], Any]]  # fingerprint of its data; what draws a Figure or an Image
 
 
@@ -105,8 +106,10 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         values = np.array([greenhouse.value(name, tag[:2], hour) for hour in hours])
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
-        noise = ' has no noise' if (low == high).all() else ''
-        axes.set_title(f'{label_of(name)}{noise}', loc='left')
+        more = ' has no noise' if (low == high).all() else ''
+        is_skewed = (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any()
+        more += ': the largest of noisy components' if is_skewed else ''
+        axes.set_title(f'{label_of(name)}{more}', loc='left')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
             when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'

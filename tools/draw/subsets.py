@@ -1,6 +1,7 @@
 """Draw each tag in the colour of its subset of sensors, over one sensor's field: all, or a part."""
 
 import argparse
+import itertools
 import math
 import random
 import textwrap
@@ -29,18 +30,19 @@ SUBSET_COLOURS = (
 )
 SHAPES = 'os^D'  # of one, two, three and more sensors
 OTHER = '0.5'
+EMPTY: tuple[str, drawings.Style] = ('', {'linestyle': ''})  # in the key
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
 SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
 # By the paper: the other end of the field's shades, and the tables, which have no such shade.
-FIELD_END = {'white': '0.7', '#0d1117': '0.26'}
+FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
-FIELD_STEPS = 200  # along the longer side
+FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
-TAG_AT = 0.35, 0.5  # the place in the part of the tag that is read, as shares of its sides
+TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
 
 
 def styles_of(greenhouse: Greenhouse) -> dict[Subset, drawings.Style]:
@@ -49,10 +51,14 @@ def styles_of(greenhouse: Greenhouse) -> dict[Subset, drawings.Style]:
     frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
     palette, styles = iter(SUBSET_COLOURS), {}
     for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
-        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
         colour = next(palette) if subset in frequent else OTHER
-        styles[subset] = mark(shape, colour)
+        styles[subset] = mark(shape_of(len(subset)), colour)
     return styles
+
+
+def shape_of(count: int) -> str:
+    """Return the shape of a tag with this many sensors."""
+    return SHAPES[min(count, len(SHAPES)) - 1]
 
 
 def mark(shape: str, colour: str) -> drawings.Style:
@@ -75,14 +81,14 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.5), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.3), layout='constrained')
     axes = figure.add_subplot()
     size = drawings.LABELS.times(scale)
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), size, taken)
-    write_key(figure, greenhouse, list(layout.tags), 3)
-    axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors')
+    write_key(figure, greenhouse, list(layout.tags), 6)
+    axes.set_title(f'The simulated greenhouse: {pluralized(len(layout.tags), "tag")} and their sensors')
     return figure
 
 
@@ -94,17 +100,18 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     ends = zip(tags[read_id][:2], TAG_AT, walls[:2], walls[2:], strict=True)
     x, y = (min(max(at - share * side_m, low), high - side_m) for at, share, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
-    figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 8.7), layout='constrained')
     axes = figure.add_subplot()
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size, placing.box_of(part))
     taken = draw_field(axes, greenhouse, options, part, size, taken)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
+    axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, taken)
-    write_key(figure, greenhouse, seen, 4)
+    write_key(figure, greenhouse, seen, 5)
     shades = f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-    figure.suptitle(f'A robot reads tag {read_id}. The shades show\nthe {shades}.')
+    figure.suptitle(f'Simulation: a robot reads tag {read_id}.\nThe shades show the {shades}.')
     return figure
 
 
@@ -124,7 +131,7 @@ def draw_reading(
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
     lines = [
-        f'{greenhouse.letters[name]} {units.value_text(name, value)} {units.unit_of(name)}'
+        f'{units.name_of(name)} {units.value_text(name, value)} {units.unit_of(name)}'
         for name, value in values.items()
     ]
     width_m, height_m = max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
@@ -142,7 +149,7 @@ def draw_reading(
     edge = [at + share * (to - at) for at, to in zip(pose[:2], place, strict=True)]
     axes.annotate('\n'.join(lines), edge, place, arrowprops=tail, **style)
     axes.text(*name_place, 'robot', weight='bold', zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
-    return [*drawn, placing.Box(*place, width_m, height_m), placing.Box(*name_place, *labels[1][1:])]
+    return [around, *drawn, placing.Box(*place, width_m, height_m), placing.Box(*name_place, *labels[1][1:])]
 
 
 def plate_of(axes: Any) -> drawings.Style:
@@ -171,7 +178,9 @@ def draw_field(
         label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
         drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
-    return write_values(axes, lines, part, units.unit_of(options.sensor), size, [*taken, *dots])
+    tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
+    unit = units.unit_of(options.sensor)
+    return write_values(axes, lines, part, unit, size, [*taken, *dots, *tables])
 
 
 def write_values(
@@ -185,9 +194,9 @@ def write_values(
         for path in (each for each in paths if placing.length_m(each.tolist()) > label[0]):
             places = np.clip(path, part[:2] + half, part[2:] - half)
             boxes = np.column_stack([places, np.tile(label, (len(places), 1))])
-            costs = placing.overlaps(boxes, np.array(covered)).sum(axis=1)
+            shares = placing.overlaps(boxes, np.array(covered)).sum(axis=1) / np.prod(label)
             moved_m = np.abs(places - path).sum(axis=1)
-            best = placing.Box(*boxes[np.lexsort((-places[:, 0], moved_m.round(2), costs.round(4)))[0]])
+            best = placing.Box(*boxes[np.lexsort((-places[:, 0], moved_m.round(2), shares.round(1)))[0]])
             axes.text(*best[:2], text, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
             covered.append(best)
     return covered
@@ -198,9 +207,8 @@ def field_of(
     greenhouse: Greenhouse, sensor: str, hour: float, part: Walls
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x, y and the values of a sensor, row by row."""
-    sides_m = part.x1 - part.x0, part.y1 - part.y0
-    counts = [round(FIELD_STEPS * side_m / max(sides_m)) + 2 for side_m in sides_m]
-    xs, ys = (np.linspace(*ends, count) for ends, count in zip((part[::2], part[1::2]), counts, strict=True))
+    step_m = math.sqrt((part.x1 - part.x0) * (part.y1 - part.y0) / FIELD_CELLS)
+    xs, ys = (np.linspace(*ends, round(np.ptp(ends) / step_m) + 2) for ends in (part[::2], part[1::2]))
     return xs, ys, np.array([[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys])
 
 
@@ -225,11 +233,19 @@ def view_of(axes: Any) -> placing.Box:
 
 
 def write_key(figure: Figure, greenhouse: Greenhouse, tag_ids: list[str], columns: int) -> None:
-    """Write below the name of each letter, and the marks of the subsets of these tags."""
+    """Write below the name of each letter, and the marks of the subsets of these tags, by their shapes."""
     names = [f'{letter}\xa0{units.name_of(name)}' for name, letter in greenhouse.letters.items()]
-    subsets = {greenhouse.subset_of[tag_id] for tag_id in tag_ids}
-    marks = [(''.join(each), style) for each, style in styles_of(greenhouse).items() if each in subsets]
-    marks.append(('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']])))
+    exposed = {greenhouse.subset_of[tag_id] for tag_id in tag_ids}
+    marks = [(each, style) for each, style in styles_of(greenhouse).items() if each in exposed]
+    rows: list[list[tuple[str, drawings.Style]]] = []
+    for count, group in itertools.groupby(marks, lambda each: len(each[0])):
+        heading = pluralized(count, 'sensor'), mark(shape_of(count), 'none')
+        row = [(''.join(subset), style) for subset, style in group]
+        starts = range(0, len(row), columns)
+        rows += [[EMPTY if at else heading, *row[at : at + columns]] for at in starts]
+    rows.append([('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']]))])
+    filled = list(itertools.zip_longest(*rows, fillvalue=EMPTY))  # column by column
     place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
     title = textwrap.fill(f'sensors: {", ".join(names)}', 40)
-    drawings.write_key(figure, marks, columns, title=title, columnspacing=1.0, markerscale=0.75, **place)
+    style = {'columnspacing': 1.0, 'markerscale': 0.75, 'handlelength': 1.5, 'alignment': 'left'}
+    drawings.write_key(figure, [*itertools.chain(*filled)], len(filled), title=title, **style, **place)

@@ -81,7 +81,9 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     (key,) = figures['greenhouse_light'].legends
     title, *names = texts_of(key)
     assert ''.join(title.split()) == 'sensors:Ttemperature,Hhumidity,CCO₂,Llight,Ssoilmoisture'
-    assert names == ['C', 'CL', 'table']
+    assert names == ['1 sensor', '2 sensors', 'table', 'C', 'CL', '']  # column by column
+    shapes = [line.get_marker() for line in key.get_lines()]
+    assert shapes == ['o', 's', 's', 'o', 's', 'None']
     assert any('A day at tag a1' in text for text in texts_of(figures['day']))
 
 
@@ -103,13 +105,15 @@ def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
     assert values[1:] == [['400 at 12:00', '900 at 00:00'], ['0.400 at any time']]
 
 
-def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims():
+def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims(drawn):
     """The largest of two noisy components is neither normal nor centred on the curve without noise."""
     greenhouse, place, shares = simulated.Greenhouse('', ''), (2.6, 2.0), np.array([0.05, 0.5, 0.95])
     random.seed(0)
     readings = [greenhouse.value('co2', place, 12.0, is_noisy=True) for _ in range(4000)]
     limits = greenhouse.quantiles('co2', place, 12.0, shares)
     assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
+    titles = [axes.get_title(loc='left') for axes in drawn['day'].axes]
+    assert [title for title in titles if 'largest' in title] == ['CO₂ (ppm): the largest of noisy components']
     without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
     assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 
@@ -123,6 +127,8 @@ def test_no_label_lies_on_a_tag_or_on_another_label(drawn, name):
     assert not any(box.contains(*dot) for box in boxes for dot in axes.transData.transform(tags))
     edge = axes.get_window_extent()
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
+    for box, table in itertools.product(boxes, tables_of(axes)):
+        assert not box.overlaps(table.get_window_extent())
 
 
 def dots_of(axes) -> list[str]:
@@ -181,10 +187,10 @@ def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
 
 def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag(drawn):
     readme = (ROOT / 'README.md').read_text(encoding='utf-8')
-    values = re.findall(r'^1 +12:00:00 +\w+ +([\d.]+) +(\S+)$', readme, re.MULTILINE)
+    values = re.findall(r'^1 +12:00:00 +(\w+) +([\d.]+) +(\S+)$', readme, re.MULTILINE)
     assert len(values) == 2
     axes, tag = drawn['greenhouse_part_light'].axes[0], shipped('tag_locations.json')['tags']['1']
-    said = [f'{letter} {" ".join(each)}' for letter, each in zip('TC', values, strict=True)]
+    said = [' '.join(each).replace('co2', 'CO₂') for each in values]
     (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(said)]
     frame = shown.get_bbox_patch().get_window_extent()
     assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))
@@ -204,10 +210,11 @@ def test_no_shade_of_the_field_is_the_colour_of_the_tables(scheme, drawn):
     assert np.linalg.norm(shades - colour, axis=1).min() > 0.15
 
 
-def test_the_tags_and_the_robot_stand_out_from_the_dark_field(drawn):
+def test_the_edges_of_the_tags_and_the_robot_stand_out_from_the_dark_field(drawn):
     """By the contrast of WCAG 2, which asks for 3 of graphics."""
     axes = drawn['greenhouse_part_dark'].axes[0]
-    marks = [*dots_of(axes), *(disc.get_facecolor() for disc in discs_of(axes))]
+    marks = [line.get_markeredgecolor() for line in axes.lines if line.get_marker() in set(subsets.SHAPES)]
+    marks += [disc.get_facecolor() for disc in discs_of(axes)]
     linear = np.array([to_rgb(each) for each in (subsets.FIELD_END['#0d1117'], *marks)]) ** 2.2
     field, *others = linear @ [0.2126, 0.7152, 0.0722] + 0.05
     assert min(others) > 3 * field
