@@ -311,7 +311,7 @@ def test_the_overrides_of_the_documents_show_the_robot_their_tags(tmp_path, caps
     (in_formats,) = re.findall(r'## approach_overrides.yaml\n.*?```yaml\n(.*?)```', formats, re.DOTALL)
     for text in (in_formats, EXAMPLE):
         (tmp_path / 'overrides.yaml').write_text(text, encoding='utf-8')
-        words = ('--overrides', str(tmp_path / 'overrides.yaml'), '--format', 'json')
+        words = ('--overrides', str(tmp_path / 'overrides.yaml'), '--format', 'json', '--order', 'given')
         exit_code = approach_poses.main(['approach_poses', *words])
         out, err = capsys.readouterr()
         poses = {each['tag_id']: each for each in json.loads(out)['poses']}

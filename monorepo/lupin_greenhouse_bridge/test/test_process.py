@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from conftest import SPINS, Terminal
-from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge import bridge_node, executables
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, source_of_messages
 from lupin_greenhouse_bridge.planning import register_layout
 from lupin_greenhouse_bridge.reading import read_tag
@@ -29,10 +29,10 @@ from rclpy.executors import SingleThreadedExecutor
 
 NO_ANSWER, INTERRUPTED = 3, 130
 PACKAGE = 'lupin_greenhouse_bridge'
-IMPORTS = ('rclpy/__init__.py:<module>', 'rclpy/executors.py:<module>')  # before main()
+IMPORT = 'rclpy/__init__.py:<module>'  # before main()
 STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
 ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
-RUN = (*STARTS, 'rclpy/executors.py:add_node', SPINS, 'rclpy/node.py:destroy_node', *ENDS)
+RUN = (*STARTS, 'rclpy/executors.py:add_node', 'rclpy/node.py:destroy_node', *ENDS)
 EXITS = 'lupin_greenhouse_bridge/runtime/process.py:end'  # after main()
 BOTH = SIGNALS['SIGTERM and Ctrl-C']
 STUCK = """
@@ -58,9 +58,7 @@ def ended_process(command):
     return ended.returncode, ended.stdout, ended.stderr
 
 
-@pytest.mark.parametrize(
-    ('moment', 'seed', 'code'), [(IMPORTS[0], 1, 0), (IMPORTS[1], 1, 0), (IMPORTS[0], -5, 1), (EXITS, -5, 1)]
-)
+@pytest.mark.parametrize(('moment', 'seed', 'code'), [(IMPORT, 1, 0), (IMPORT, -5, 1), (EXITS, -5, 1)])
 def test_a_process_that_is_signalled_before_or_after_its_node_keeps_its_exit_code(
     start_bridge, moment, seed, code
 ):
@@ -91,7 +89,7 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_he
 
 
 def test_the_process_of_read_tag_ends_as_documented():
-    signalled = command(PACKAGE, 'read_tag', IMPORTS[0], SIGNALS['Ctrl-C twice'])
+    signalled = command(PACKAGE, 'read_tag', IMPORT, SIGNALS['Ctrl-C twice'])
     code, _, err = ended_process([*signalled, '1', '--watch', '9', *NOBODY])
     assert (code, 'Traceback' in err) == (INTERRUPTED, False)
 
@@ -109,18 +107,17 @@ def test_register_layout_that_computes_ends_as_documented(run_here):
     assert ended[:2] == (INTERRUPTED, f'signalled in {moment}\n')
 
 
-@pytest.mark.parametrize(('name', 'code'), [('bridge_node', 1), ('read_tag', 2)])
 @pytest.mark.parametrize(
-    ('variable', 'value', 'problem'),
+    ('words', 'code', 'variable', 'value', 'problem'),
     [
-        ('RMW_IMPLEMENTATION', 'rmw_none', "'rmw_none', which is not installed: unset it, or set"),
-        ('RCUTILS_COLORIZED_OUTPUT', '2', "'2': must be 0 or 1"),
+        (['read_tag', '1'], 2, 'RMW_IMPLEMENTATION', 'rmw_none', "'rmw_none', which is not installed: unset"),
+        (['bridge_node'], 1, 'RCUTILS_COLORIZED_OUTPUT', '2', "'2': must be 0 or 1"),
     ],
 )
-def test_a_variable_that_ends_ros_is_named_in_one_line(monkeypatch, name, code, variable, value, problem):
+def test_a_variable_that_ends_ros_is_named_in_one_line(monkeypatch, words, code, variable, value, problem):
     """With such an RMW rclpy exits with code 102, with such a log rcl logs 17 lines."""
     monkeypatch.setenv(variable, value)
-    ended, _, err = ended_process([executable(PACKAGE, name), *(['1'] if name == 'read_tag' else [])])
+    ended, _, err = ended_process([executable(PACKAGE, words[0]), *words[1:]])
     (line,) = err.splitlines()
     assert ended == code
     assert f'{variable} is {problem}' in line
@@ -150,11 +147,12 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
     assert ended.out.startswith('tag')
 
 
-@pytest.mark.parametrize('name', ['planning/approach_poses', 'display/plot_report', 'display/readings_page'])
-def test_a_command_without_a_node_is_ended_by_ctrl_c_at_once(name):
-    moment = f'{name}.py:main'
-    ended = ended_process(command(PACKAGE, name.rpartition('/')[2], moment, SIGNALS['Ctrl-C']))
+def test_a_command_without_a_node_is_ended_by_ctrl_c_at_once():
+    moment = 'display/readings_page.py:main'
+    ended = ended_process(command(PACKAGE, 'readings_page', moment, SIGNALS['Ctrl-C']))
     assert ended == (-signal.SIGINT, f'signalled in {moment}\n', '')
+    for start in (executables.plot_report, executables.approach_poses):
+        assert start.keywords == executables.readings_page.keywords
 
 
 def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):

@@ -32,7 +32,7 @@ def test_stamp_is_the_wall_clock_while_the_simulated_day_races_and_with_use_sim_
 def test_a_reading_is_never_torn(start_bridge, altered, shipped_tags):
     """The time in a reading is the time of its values, even if the clock ticks at every read."""
     bridge = start_bridge(altered('ticking_clock'))
-    warm_tags = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']]
+    warm_tags = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:4]
     times = set()
     for tag_id in warm_tags:
         reading = bridge.call(tag_id).reading
