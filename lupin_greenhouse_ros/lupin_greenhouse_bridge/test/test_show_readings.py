@@ -242,19 +242,19 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
     wait_until(lambda: cell(viewer.fields[-1], tag['x'], tag['y']) == 25)  # of 0 to 30 degrees
     assert cell(viewer.fields[-1], tag['x'], tag['y'] + 0.7) == -1
     assert texts(viewer.markers[-1], FIELD_NAMESPACE) == [
-        'temperature (deg C): colours from 6 to 12\n'
+        'temperature (deg C): colours from 7.2 to 7.8\n'
         f'7.5 deg C at tag {warm_tag_id}\n'
         'field: interpolated from 1 received reading,\nnot from the model of the simulator'
     ]
     (cells,) = of_namespace(viewer.markers[-1], 'field')
     from_tag_m = [math.dist((each.x, each.y), (tag['x'], tag['y'])) for each in cells.points]
     colour = cells.colors[from_tag_m.index(min(from_tag_m))]
-    assert (colour.r, colour.g, colour.b) == pytest.approx(colours_of(7.5, 0.0, 30.0))
+    assert (colour.r, colour.g, colour.b) == pytest.approx(colours_of(7.5, 7.2, 7.8))
     for second, value in enumerate((20.0, 13.0)):  # the colours are those of all values so far
         publisher.readings = [reading_of(warm_tag_id, 200 + second, temperature=value)]
         viewer.wait_for(f'temperature {value} deg C')
         (caption,) = texts(viewer.markers[-1], FIELD_NAMESPACE)
-        assert caption.startswith('temperature (deg C): colours from 6 to 24\n')
+        assert caption.startswith('temperature (deg C): colours from 5 to 20\n')
 
 
 def test_a_late_viewer_sees_the_latched_messages(start_here, viewer, shipped_tags):
@@ -347,7 +347,7 @@ def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
     wait_until(lambda: cell(viewer.fields[-1], *transform.point(1.0, 2.0)) == 30)
     assert cell(viewer.fields[-1], *transform.point(1.0, 2.7)) == -1
     (caption,) = texts(viewer.markers[-1], FIELD_NAMESPACE)
-    assert caption.startswith('ozone: colours from 2 to 4\n3.00 at tag A7\n')
+    assert caption.startswith('ozone: colours from 2.9 to 3.1\n3.00 at tag A7\n')
     assert viewer.fields[-1].header.frame_id == 'site'
     assert {each.header.frame_id for each in viewer.markers[-1].markers} == {'site'}
 

@@ -215,17 +215,18 @@ def test_times_of_several_days_say_so():
 @pytest.mark.parametrize(
     ('values', 'limits', 'expected'),
     [
-        ([47.4, 59.0], (0.0, 100.0), (40.0, 60.0)),
-        ([24.0], (0.0, 30.0), (24.0, 30.0)),
-        ([0.44, 0.56], (0.2, 0.8), (0.44, 0.56)),
-        ([-5.0, 12.0], (0.0, 30.0), (0.0, 12.0)),
-        ([31.0, 45.0], (0.0, 30.0), (24.0, 30.0)),
+        ([5.7, 19.1], (0.0, 30.0), (5.0, 20.0)),
+        ([47.4, 59.0], (0.0, 100.0), (45.0, 60.0)),
+        ([24.0], (0.0, 30.0), (23.6, 24.4)),
+        ([0.44, 0.56], (0.2, 0.8), (0.4, 0.6)),
+        ([-5.0, 12.0], (0.0, 30.0), (0.0, 15.0)),
+        ([31.0, 45.0], (0.0, 30.0), (29.6, 30.0)),
         ([], (0.0, 30.0), (0.0, 30.0)),
-        ([3.0, 3.001], None, (2.5, 3.501)),
-        ([1e16], None, (1e16 - 5e11, 1e16 + 5e11)),
+        ([3.0, 3.001], None, (2.94, 3.06)),
+        ([1e16], None, (1e16 - 6e9, 1e16 + 6e9)),
     ],
 )
-def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie(values, limits, expected):
+def test_the_colours_end_at_round_numbers_around_the_values_and_within_the_config(values, limits, expected):
     assert colour_limits(values, limits) == expected
 
 
@@ -268,10 +269,7 @@ def test_the_pictures_of_several_files_have_the_same_colours(tmp_path, figures, 
     pictures = [tmp_path / 'one.png', tmp_path / 'two.png']
     assert capsys.readouterr().out == ''.join(f'picture: {each}\n' for each in pictures)
     limits = [figure.axes[0].collections[0].get_clim() for figure in figures]
-    low, high = read_colour_ranges()['co2']
-    fifth = (high - low) / 5
-    ends = low + fifth * ((410.0 - low) // fifth), low + fifth * ((710.0 - low) // fifth + 1)
-    assert limits == [pytest.approx(ends)] * 2
+    assert limits == [(400.0, 800.0)] * 2
     assert main([*reports, '--output', 'x.png']) == 2
     assert "--output 'x.png' is one picture: leave it out, or name one FILE" in capsys.readouterr().err
     open_store(str(tmp_path / 'one.csv')).keep(read_file(reports[0]).rows)

@@ -144,7 +144,7 @@ def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(reco
     tag = data['tags'][0]  # before those of the layout, which are not in the file
     assert (tag['id'], tag['x'], tag['y'], tag['values'], tag['outcome']) == ('a1', 1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
-    assert (sensor['name'], sensor['unit'], sensor['limits']) == ('ph', '', [6.0, 7.0])
+    assert (sensor['name'], sensor['unit'], sensor['limits']) == ('ph', '', [6.44, 6.56])
     assert [line['wall'] for line in sensor['lines']] == [[[0, 7.0], [1000, 6.5]]]
     assert [line['day'] for line in sensor['lines']] == [[[60, 6.75, 6.5, 7.0]]]
 

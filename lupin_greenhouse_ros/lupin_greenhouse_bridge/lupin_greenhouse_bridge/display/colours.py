@@ -16,7 +16,7 @@ STOPS = (  # of this map
 ROUTE, ROBOT, FAILED, SIGHT = '#3d6fa8', '#eaf1f9', '#b3261e', '0.4'
 OBSTACLE, UNKNOWN_PART = '#e69f00', '0.7'  # in the map of the room
 TABLE = '#e3e6ea'  # without an edge, which would cross the labels
-SMALLEST_SPAN = 0.01  # of colours without a range in the config
+SMALLEST_SPAN = 0.1  # of colours without a range in the config
 
 
 def colours_of(values: Sequence[float] | np.ndarray, lowest: float, highest: float) -> np.ndarray:
@@ -34,20 +34,21 @@ def hex_colours_of(values: Sequence[float], lowest: float, highest: float) -> li
 
 def colour_limits(values: Sequence[float], limits: tuple[float, float] | None) -> tuple[float, float]:
     """
-    Return the values at the ends of the colours: the fifths of the config's range in which all values lie.
+    Return the values at the ends of the colours: round numbers around all values, within the config's range.
 
-    So similar values differ in colour, noise hardly does, and the next mission mostly has the same colours.
+    They are at least a fiftieth of that range apart, so that no noise has all colours.
     """
-    if not (values and limits and limits[0] < limits[1]):
-        low, high = limits or (min(values), max(values))
-        smallest_span = max(SMALLEST_SPAN, 1e-6 * abs(low))  # beside 1e16, 0.01 makes no difference
-        margin = 0.0 if high - low >= smallest_span else 50 * smallest_span
-        return low - margin, high + margin
-    fifth = (limits[1] - limits[0]) / 5
-    low, high = (round((pick(values) - limits[0]) / fifth, 9) for pick in (min, max))
-    first = min(max(math.floor(low), 0), 4)
-    last = min(max(math.ceil(high), first + 1), 5)
-    return round(limits[0] + first * fifth, 9), round(limits[0] + last * fifth, 9)
+    floor, ceiling = limits if limits and limits[0] < limits[1] else (-math.inf, math.inf)
+    low, high = (min(max(pick(values or limits or [0.0]), floor), ceiling) for pick in (min, max))
+    smallest_span = (ceiling - floor) / 50
+    if math.isinf(smallest_span):
+        smallest_span = max(SMALLEST_SPAN, 1e-6 * abs(low))  # beside 1e17, 0.1 makes no difference
+    margin = max(smallest_span - (high - low), 0.0) / 2
+    low, high = low - margin, high + margin
+    power = 10.0 ** math.floor(math.log10((high - low) / 5))
+    step = next(each * power for each in (1, 2, 5, 10) if each * power >= 0.999 * (high - low) / 5)
+    ends = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
+    return max(round(ends[0] * step, 9), floor), min(round(ends[1] * step, 9), ceiling)
 
 
 def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:

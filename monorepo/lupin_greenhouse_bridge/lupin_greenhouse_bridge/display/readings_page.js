@@ -306,9 +306,9 @@ function label_of(tag, value) {
 function write_key(sensor) {
   element('bar').hidden = !sensor;
   if (!sensor) return;
-  const [low, high] = sensor.limits;
-  const bar = document.querySelector('#bar .colours'), share = at => (at - low) / (high - low);
-  const inner = ticks_of(low, high, nice_step((high - low) / 5)).filter(at => share(at) > 0.12 && share(at) < 0.85);
+  const [low, high] = sensor.limits, share = at => (at - low) / (high - low);
+  const bar = document.querySelector('#bar .colours');
+  const inner = ticks_of(low, high, nice_step((high - low) / 6)).filter(at => share(at) > 0.12 && share(at) < 0.88);
   bar.ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
   bar.replaceChildren();
   for (const at of [low, ...inner, high]) {
@@ -453,14 +453,13 @@ function day_axis(width) {
   return { low: 0, high: DAY_SECONDS, ticks, text: day_time, start: 0 };
 }
 
-function value_axis(sensor, height) {
-  const [least, greatest] = sensor.extent;
-  const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
-  const step = nice_step(least_step), spare = least === greatest ? step : 0;
-  const bottom = Math.floor((least - spare) / step + 1e-9) * step;
-  const top = Math.ceil((greatest + spare) / step - 1e-9) * step;
-  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(decimals) };
+// The range of the colours if all values are in it, with some room at both ends.
+function value_axis({ extent, limits, decimals }) {
+  const [low, high] = extent[0] < limits[0] || extent[1] > limits[1] ? extent : limits;
+  const room = Math.max(0.08 * (high - low), Math.abs(high) * 1e-6, 10 ** -decimals);
+  const bottom = low - room, top = high + room, step = nice_step((top - bottom) / 7);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(digits) };
 }
 
 function draw_charts() {
@@ -473,7 +472,7 @@ function draw_charts() {
   // After all figures are there, which changes their sizes. Their times are below each other.
   const charts = figures.map(([sensor, place, readout]) => {
     const size = state.is_printed ? PAPER.chart : size_of(place).map(each => Math.max(Math.floor(each), 120));
-    return { sensor, place, readout, size, values: value_axis(sensor, size[1]), labels: column_of(sensor, size[1]) };
+    return { sensor, place, readout, size, values: value_axis(sensor), labels: column_of(sensor, size[1]) };
   });
   const left = 10 + Math.max(...charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each)))));
   const beside = Math.max(...charts.map(({ labels }) => labels.width));
