@@ -45,44 +45,27 @@ START_NS = 1_795_189_976_000_000_000
 CHANCE = random.SystemRandom()
 
 
-def answered_by(text: str, calls: int) -> tuple[str, bool]:
-    """Return as a promise that a new client gets an answer to each of its calls."""
-    answered = ClientProcess('--calls', calls).counts()['answered']
-    return f'{text} {answered}/{calls}', answered == calls
-
-
-def client_killed_in_mid_call(load: Namespace) -> Promises:
-    """Kill clients without warning; the bridge continues and keeps nothing of theirs."""
+def bridge_ended_and_restarted(load: Namespace) -> Promises:
+    """Kill or terminate the bridge while clients call; every call ends, and the next bridge answers."""
     bridge = Bridge()
-    ClientProcess('--calls', 100).counts()
-    before = bridge.resources()['open files']
-    for _ in range(2 * load.scale):
-        for victim in start_clients(4):
-            victim.process.kill()
-            victim.process.wait()
-    yield answered_by(f'{8 * load.scale} clients killed, next one answered', 100)
-    after = bridge.resources()['open files']
-    yield f'open files {before} -> {after}', after <= before + 8
-    yield bridge.ends_cleanly()
-
-
-def bridge_killed_and_restarted(load: Namespace) -> Promises:
-    """Kill the bridge while clients keep calling; every call ends, and the next bridge starts and answers."""
-    bridge = Bridge()
-    clients = start_clients(4, '--seconds', 6 * load.scale + 8, '--timeout', 2, '--pause', 0.005)
-    for _ in range(2 * load.scale):
-        bridge.close()
-        bridge = Bridge()  # returns when it is ready, despite what the killed one left
-        time.sleep(2.0)
+    clients = start_clients(4, '--seconds', 14 * load.scale + 8, '--timeout', 2, '--pause', 0.005)
+    exit_codes = []
+    for number in range(4 * load.scale):
+        if number % 2:
+            exit_codes.append(bridge.stop())
+        else:
+            bridge.close()
+        bridge = Bridge()  # returns when it is ready, despite what a killed one left
+        time.sleep(CHANCE.uniform(2.0, 2.1))
     counts = [client.counts() for client in clients]
     found, slowest = sum(counts, Counter()), max(each['slowest'] for each in counts)
     # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
     timeouts = f'{found["timed out"]} timed out after 2 s (slowest {slowest / 1000} s)'
-    text = (
-        f'{2 * load.scale} kills, {found["answered"]} calls answered, {found["swapped"]} swapped, {timeouts}'
-    )
-    yield text, found['swapped'] == 0
-    yield answered_by('after the last restart, answered', 50)
+    yield f'{found["answered"]} calls answered, {found["swapped"]} swapped, {timeouts}', not found['swapped']
+    text = f'{2 * load.scale} times killed, as often terminated, exit codes {set(exit_codes)}'
+    yield text, set(exit_codes) == {0}
+    answered = ClientProcess('--calls', 50).counts()['answered']
+    yield f'after the last restart, answered {answered}/50', answered == 50
     yield bridge.ends_cleanly()
 
 
@@ -102,36 +85,28 @@ def sixteen_clients(load: Namespace) -> Promises:
     yield bridge.has_handled(counts)
 
 
-def many_calls(load: Namespace) -> Promises:
-    """Call many times; no reply is lost, and memory, files and threads do not grow."""
+def killed_clients_and_many_calls(load: Namespace) -> Promises:
+    """Kill clients without warning, then call many times: no reply is lost, and the bridge does not grow."""
     bridge = Bridge()
     ClientProcess('--calls', 1000).counts()
     before = bridge.resources()
+    for _ in range(2 * load.scale):
+        for victim in start_clients(4):
+            victim.process.kill()
+            victim.process.wait()
+    # Fast DDS remembers a killed client for a while, which takes memory, but no file.
+    before = bridge.resources() | {'open files': before['open files']}
     calls = 20_000 * load.scale if load.scale > 1 else 5_000
     started = time.monotonic()
     found = ClientProcess('--calls', calls, '--seconds', 3000).counts()
     rate = calls / (time.monotonic() - started)
     lost, swapped = calls - found['answered'], found['swapped']
-    yield f'{calls} calls, {lost} lost, {swapped} swapped, {rate:.0f} calls/s', (lost, swapped) == (0, 0)
+    text = f'{8 * load.scale} clients killed, {calls} calls, {lost} lost, {swapped} swapped'
+    yield f'{text}, {rate:.0f} calls/s', (lost, swapped) == (0, 0)
     after = bridge.resources()
     for name, growth in GROWTH.items():
         yield f'{name} {before[name]} -> {after[name]}', after[name] <= before[name] + growth
     yield bridge.ends_cleanly()
-
-
-def terminated_during_calls(load: Namespace) -> Promises:
-    """Send SIGTERM during calls, at any moment; the bridge exits with 0 and each call ends."""
-    exit_codes = []
-    clients: list[ClientProcess] = []
-    for _ in range(3 * load.scale):
-        bridge = Bridge()
-        clients += start_clients(1, '--seconds', 2, '--timeout', 0.5)
-        time.sleep(CHANCE.uniform(0.0, 0.1))
-        exit_codes.append(bridge.stop())
-        clients[-1].process.wait(PATIENCE_SECONDS)
-    found = sum((client.counts() for client in clients), Counter())
-    calls = f'{found["answered"]} calls answered, {found["timed out"]} timed out after 0.5 s'
-    yield f'{3 * load.scale} times, {calls}, exit codes {set(exit_codes)}', set(exit_codes) == {0}
 
 
 def two_bridges(load: Namespace) -> Promises:
@@ -146,56 +121,42 @@ def two_bridges(load: Namespace) -> Promises:
     yield f'exit codes {codes}', codes == [0, 0]
 
 
-def recorder_killed(load: Namespace) -> Promises:
-    """Kill recorders at any moment under 300 values a second; no row that they have acknowledged is lost."""
-    acknowledged = lost = 0
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        spinning_node('robot') as node,
-        ThreadPoolExecutor(2) as pool,
+def recorders_ended(load: Namespace) -> Promises:
+    """Kill or end recorders under 300 values a second, also of locked databases; none is lost silently."""
+    for is_killed, longest_lock_seconds, suffixes, times in (
+        (True, 0.0, ['sqlite', 'csv'], 10 * load.scale),
+        (True, 6.0 * load.scale, ['sqlite'] * load.scale, 1),
+        (False, 6.0 * load.scale, ['sqlite'] * load.scale, 1),
     ):
-        in_file = {Path(folder, f'readings.{suffix}'): 0 for suffix in ('sqlite', 'csv')}
-        for _ in range(10 * load.scale):
-            runs = pool.map(partial(record, node, 0.0, True), in_file)
-            for file, run in zip(list(in_file), runs, strict=True):
-                acknowledged += run['kept']
-                lost += max(in_file[file] + run['kept'] - run['in file'], 0)
-                in_file[file] = run['in file']
-        in_database = [key_of(row) for row in read_rows(Path(folder, 'readings.sqlite'))]
-    twice = len(in_database) - len(set(in_database))
-    text = f'{20 * load.scale} kills, {acknowledged} rows acknowledged, {lost} of them lost'
-    yield f'{text}, {twice} twice in the database', lost == twice == 0 < acknowledged
-
-
-def recorder_locked(load: Namespace) -> Promises:
-    """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
-    for is_killed, ending in ((False, 'ended'), (True, 'killed')):
         with (
             tempfile.TemporaryDirectory() as folder,
             spinning_node('robot') as node,
-            ThreadPoolExecutor(load.scale) as pool,
+            ThreadPoolExecutor(len(suffixes)) as pool,
         ):
-            files = [Path(folder, f'recorder_{number}.sqlite') for number in range(load.scale)]
-            runs = list(pool.map(partial(record, node, 6.0 * load.scale, is_killed), files))
-        total = sum(runs, Counter())
-        text = f'{load.scale} recorders {ending}: ' + ', '.join(
-            f'{total[what]} rows {what}' for what in ('published', 'in file', 'kept', 'lost')
-        )
+            files = [Path(folder, f'recorder_{number}.{suffix}') for number, suffix in enumerate(suffixes)]
+            one_run = partial(record, node, longest_lock_seconds, is_killed)
+            runs = [run for _ in range(times) for run in pool.map(one_run, files)]
+            in_database = [key_of(row) for row in read_rows(files[0])]
+        total, twice = sum(runs, Counter()), len(in_database) - len(set(in_database))
+        counted = [f'{total[what]} rows {what}' for what in ('published', 'in file', 'kept', 'lost')]
+        ending = 'killed' if is_killed else 'ended'
+        text = f'{len(runs)} recorders {ending}: {", ".join(counted)}, {twice} twice in a database'
         are_kept = [
             each['kept'] <= each['in file'] <= each['published']
             if is_killed
             else each['published'] == each['in file'] + each['lost']
             for each in runs
         ]
-        yield text, all(are_kept)
+        yield text, all(are_kept) and twice == 0 and (longest_lock_seconds > 0 or total['kept'] > 0)
 
 
 def record(node: Node, longest_lock_seconds: float, is_killed: bool, file: Path) -> 'Counter[str]':
     """
     Publish to a recorder, whose file is first locked for up to this time, and end it at any moment.
 
-    Returns the numbers of rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
+    Returns the numbers of its rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
     """
+    before = len(read_rows(file)) if file.exists() else 0
     locked_seconds = CHANCE.uniform(0.0, longest_lock_seconds)
     seconds = 1.0 + CHANCE.uniform(0.0, longest_lock_seconds + 1.0)
     topic, published = f'/soak/{file.name.replace(".", "_")}', 0
@@ -221,7 +182,7 @@ def record(node: Node, longest_lock_seconds: float, is_killed: bool, file: Path)
     node.destroy_publisher(readings)  # it is latched: the next recorder would receive its readings
     counted = re.findall(r'(\d+) rows (kept|lost)$', '\n'.join(recorder.rest_of_log()), re.MULTILINE)
     in_log = Counter({what: int(number) for number, what in counted})
-    return in_log + Counter({'published': published, 'in file': len(read_rows(file))})
+    return in_log + Counter({'published': published, 'in file': len(read_rows(file)) - before})
 
 
 def recorder_of_many_rows(load: Namespace) -> Promises:
@@ -236,7 +197,7 @@ def recorder_of_many_rows(load: Namespace) -> Promises:
             start = time.monotonic()
             recorder = Server(*RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
             seconds = time.monotonic() - start
-            megabytes = recorder.status('VmHWM') / 1000
+            megabytes = int(status_of(recorder.process.pid, 'VmHWM')) / 1000
             recorder.stop()
         yield f'{name} of {size:,} rows: ready after {seconds:.1f} s, {megabytes:.0f} MB', megabytes < 150
 
@@ -311,14 +272,11 @@ def signalled_at_any_moment(load: Namespace) -> Promises:
 
 
 SCENARIOS = (
-    client_killed_in_mid_call,
-    bridge_killed_and_restarted,
+    bridge_ended_and_restarted,
     sixteen_clients,
-    many_calls,
-    terminated_during_calls,
+    killed_clients_and_many_calls,
     two_bridges,
-    recorder_killed,
-    recorder_locked,
+    recorders_ended,
     recorder_of_many_rows,
     refused_starts,
     signalled_at_any_moment,
