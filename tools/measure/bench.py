@@ -37,7 +37,6 @@ from traffic import ClientProcess, Counts, start_clients
 HERE = Path(__file__).resolve().parent
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
 PLAIN_WRAPPER = f'{sys.executable} {HERE / "plain_wrapper.py"}'
-CANNED_REPLIES = f'{sys.executable} {HERE / "canned_replies.py"}'
 PARTS = ('latency', 'throughput', 'start', 'idle', 'growth')
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
 Array: TypeAlias = 'npt.NDArray[np.float64]'
@@ -130,13 +129,14 @@ class Bench:
         self.commands: tuple[str, str] = (options.subject, options.baseline)
         self.rows: list[dict[str, Any]] = []
 
-    def ratio(self, figure: str, unit: str, pairs: npt.ArrayLike, note: str = '') -> None:
+    def ratio(self, figure: str, unit: str, pairs: npt.ArrayLike) -> None:
         """Keep a figure: a row (subject, baseline) of each round."""
         rounds = np.asarray(pairs)
         low, ratio, high = np.quantile(rounds[:, 0] / rounds[:, 1], (0.25, 0.5, 0.75))
         subject, baseline = np.median(rounds, axis=0)
         row = {'figure': figure, 'subject': subject, 'baseline': baseline, 'unit': unit, 'ratio': ratio}
-        row |= {'middle_half': [low, high], 'rounds': len(rounds), 'note': note}
+        row |= {'middle_half': [low, high], 'rounds': len(rounds)}
+        note = ''
         if figure in TARGETS:
             target, side = TARGETS[figure]
             row |= {'target': target, 'verdict': verdict(ratio, low, high, target, side)}
@@ -148,14 +148,14 @@ class Bench:
 
     def latency(self) -> None:
         """
-        Time the round trips of one client to each server, and to one that only sends canned replies.
+        Time the round trips of one client to each server.
 
         Restarts the servers for each round, because processes of the same program differ more than calls do.
         """
         calls = 200 if self.options.short else 1000
         results = []
         for number in range(self.rounds):
-            commands = list(enumerate([*self.commands, CANNED_REPLIES]))
+            commands = list(enumerate(self.commands))
             with contextlib.ExitStack() as stack:
                 services = [
                     stack.enter_context(closing(NamedServer(command, f's{place}'))).service
@@ -165,9 +165,7 @@ class Bench:
                 latencies(200)  # the first calls are slower
                 results.append(latencies(calls))
         for percent in (50, 90, 99):
-            self.ratio(f'round trip p{percent}', 'us', np.percentile(results, percent, axis=1)[:, :2])
-        ours_and_floor = np.median(results, axis=1)[:, ::2]
-        self.ratio('bridge to canned replies: p50', 'us', ours_and_floor, 'a server that reads no simulator')
+            self.ratio(f'round trip p{percent}', 'us', np.percentile(results, percent, axis=1))
 
     def throughput(self) -> None:
         """Count the calls per second of several client processes at once."""
@@ -208,7 +206,7 @@ class Bench:
 
     def idle(self) -> None:
         """Compare memory, and processor time while no client asks."""
-        self.ratio('resident memory', 'kB', [[server.status('VmRSS') for server in self.servers]])
+        self.ratio('resident memory', 'kB', [[server.resources()['RSS in kB'] for server in self.servers]])
         seconds = 1.0 if self.options.short else 3.0
         used = [[server.cpu_seconds() for server in self.servers]]
         for _ in range(2 if self.options.short else 5):

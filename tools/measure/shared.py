@@ -47,10 +47,6 @@ class Server(NodeProcess):
         atexit.register(self.process.kill)
         self.wait_for_log('ready:')
 
-    def status(self, key: str) -> int:
-        """Return a number of the process, such as VmRSS in kB."""
-        return int(status_of(self.process.pid, key))
-
     def resources(self) -> dict[str, int]:
         """Return what may grow."""
         process = psutil.Process(self.process.pid)

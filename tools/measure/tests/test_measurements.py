@@ -13,7 +13,13 @@ import pytest
 import soak
 
 ROOT = Path(__file__).resolve().parents[3]
-CANNED = f'{sys.executable} {ROOT / "tools/measure/canned_replies.py"}'
+SLOW = """
+import runpy, time
+from greenhouse_sim.simulator import GreenhouseSimulator
+read = GreenhouseSimulator.get_sensor_data
+GreenhouseSimulator.get_sensor_data = lambda *arguments: time.sleep(0.002) or read(*arguments)
+runpy.run_path({!r}, run_name='__main__')
+"""
 SCENARIOS = {'soak.py': soak.SCENARIOS, 'network.py': network.SCENARIOS}
 
 
@@ -37,9 +43,11 @@ def figures(folder: Path, *options: str) -> dict[str, dict]:
 
 def test_swapping_the_sides_inverts_the_ratios(tmp_path):
     """One side sleeps 2 ms in each call; how much that is beside a reply depends on the machine's load."""
-    slow = f'{CANNED} 0.002'
-    as_subject = figures(tmp_path, '--subject', slow, '--baseline', CANNED)
-    as_baseline = figures(tmp_path, '--subject', CANNED, '--baseline', slow)
+    wrapper, script = bench.PLAIN_WRAPPER, tmp_path / 'slow.py'
+    script.write_text(SLOW.format(wrapper.split()[-1]))
+    slow = f'{sys.executable} {script}'
+    as_subject = figures(tmp_path, '--subject', slow)
+    as_baseline = figures(tmp_path, '--subject', wrapper, '--baseline', slow)
     assert as_subject['round trip p50']['ratio'] > 1.0
     assert as_baseline['round trip p50']['ratio'] < 1.0
 
