@@ -247,7 +247,7 @@ def test_a_tag_that_is_chosen_anywhere_is_chosen_everywhere(report, open_page):
         assert page.evaluate(CHOSEN) == ['5'] * (2 + len(sensors))  # in the map, the table and its charts
         facts = page.evaluate("document.getElementById('chosen').textContent")
         assert facts.startswith('tag 5: read · temperature ')
-        page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+        page.evaluate("document.querySelectorAll('[name=clock]')[0].click()")
         assert len(page.evaluate(CHOSEN)) == 2 + len(sensors)
         page.evaluate(PRESS.format('Escape'))
         assert page.evaluate(CHOSEN) == []
@@ -286,14 +286,17 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     assert boxes['#bar']['height'] == boxes['#charts']['height'] == 0
 
 
-@pytest.mark.parametrize(('seconds', 'times'), [(1, 0), (2, 3)])
-def test_readings_of_one_moment_have_no_charts(tmp_path, open_page, seconds, times):
+@pytest.mark.parametrize(('seconds', 'ends'), [(1, []), (2, ['23:30', '01:00'])])
+def test_readings_of_one_moment_have_no_charts_and_midnight_does_not_divide_others(
+    tmp_path, open_page, seconds, ends
+):
     path = tmp_path / 'report.jsonl'
     visits = visit(0, '5', ['temperature']), visit(seconds, '1', ['temperature'])
-    path.write_text('\n'.join(visits), encoding='utf-8')
+    path.write_text('\n'.join(visits).replace('": 0.0', '": 84600.0'), encoding='utf-8')
     page = open_page(path)
     shown = page.evaluate(f"document.getElementById('charts').offsetHeight && {TIMES}")
-    assert sum(text.count(':') == 2 for text in shown or []) == times
+    times = [text for text in shown or [] if re.fullmatch(r'\d\d:\d\d', text)]
+    assert times[:1] + times[-1:] == ends
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
@@ -353,9 +356,10 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
     assert page.evaluate(seen) == small_maps
     assert page.evaluate(COVERED_IN_CHARTS) == []
     scale = page.evaluate(SCALE)  # the same for both clocks
-    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+    assert '12:00' in page.evaluate(TIMES)  # of the greenhouse's clock, which is 1,800 times as fast
+    page.evaluate("document.querySelectorAll('[name=clock]')[0].click()")
     assert page.evaluate(SCALE) == scale
-    assert '12:00' in page.evaluate("document.querySelector('figure').textContent")
+    assert '12:00' not in page.evaluate(TIMES)
     assert page.evaluate(CUT) == []
     assert page.complaints == []
 

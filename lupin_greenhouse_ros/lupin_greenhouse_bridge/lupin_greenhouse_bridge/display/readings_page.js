@@ -28,7 +28,8 @@ const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
 const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
-const state = { sensor: 0, clock: 'wall', is_printed: false };
+// A clock of the greenhouse that is faster than ours tells more.
+const state = { sensor: 0, clock: data.speed ? 'day' : 'wall', is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
 
@@ -82,7 +83,7 @@ const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
 const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
-const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
+const day_time = seconds => `${pad(Math.floor(seconds / 3600) % 24)}:${pad(Math.floor(seconds / 60) % 60)}`;
 const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)} ${sensor.unit}`.trim();
 const filled = fill => ({ fill, style: `--value: ${fill}` });
 const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
@@ -438,19 +439,28 @@ function ticks_of(low, high, step) {
   return Array.from({ length: Math.max(count, 0) }, (_, n) => (first + n) * step);
 }
 
-function wall_axis(width) {
-  const [first, last] = data.span_ms, slack = Math.max((last - first) * 0.01, 250);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
-  const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
-  const offset = new Date(first).getTimezoneOffset() * 60000;
-  const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
-  const text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
-  return { low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text, start: first };
+// Returns the first and the last time of day in ms. It ends on the next day if midnight is within the readings.
+function day_span() {
+  const times = [...new Set(data.sensors.flatMap(({ lines }) => lines.flatMap(line => line.day.map(([at]) => at))))];
+  times.sort((a, b) => a - b);
+  const gaps = times.map((at, n) => (times[n + 1] ?? times[0] + DAY_SECONDS) - at), longest = Math.max(...gaps);
+  if (longest < DAY_SECONDS / 4) return [0, DAY_MS];
+  const last = times[gaps.indexOf(longest)], first = (last + longest) % DAY_SECONDS;
+  return [first * 1000, (last < first ? last + DAY_SECONDS : last) * 1000];
 }
 
-function day_axis(width) {
-  const ticks = ticks_of(0, DAY_SECONDS, width < 330 ? 21600 : 10800);
-  return { low: 0, high: DAY_SECONDS, ticks, text: day_time, start: 0 };
+function time_axis(width) {
+  const is_wall = state.clock === 'wall', [first, last] = is_wall ? data.span_ms : day_span();
+  const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
+  const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
+  const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
+  const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
+  const wall_text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
+  return {
+    low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text: is_wall ? wall_text : ms => day_time(ms / 1000),
+    ms_of: is_wall ? ms => first + ms : seconds => seconds * 1000 + (seconds * 1000 < first ? DAY_MS : 0),
+  };
 }
 
 // The range of the colours if all values are in it, with some room at both ends.
@@ -488,7 +498,7 @@ function draw_charts() {
 }
 
 function draw_chart({ sensor, place, readout, size: [width, height], values, labels }, left, right) {
-  const times = (state.clock === 'wall' ? wall_axis : day_axis)(right - left);
+  const times = time_axis(right - left);
   const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
   const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
@@ -504,9 +514,9 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
   }
   const lines = sensor.lines.map(line => {
     const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low = value, high = value]) => {
-      const at = times.start + offset;
+      const at = times.ms_of(offset);
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
-    });
+    }).sort((one, other) => one.at - other.at);
     return { points, text: end_text(sensor, tag), group: draw_line(svg, tag, points, is_marked(sensor, tag)) };
   });
   label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels, right + 14);
@@ -589,7 +599,7 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
 
 function readout_of(sensor, point) {
   if (!point) return '';
-  const { tag, at, value, low, high } = point, time = state.clock === 'wall' ? clock(at) : day_time(at);
+  const { tag, at, value, low, high } = point, time = state.clock === 'wall' ? clock(at) : day_time(at / 1000);
   const range = low < high ? ` (${low.toFixed(sensor.decimals)} to ${high.toFixed(sensor.decimals)})` : '';
   return `tag ${tag.id}, ${time}: ${with_unit(sensor, value)}${range}`;
 }
@@ -636,6 +646,7 @@ element('tabs').addEventListener('keydown', event => {
 document.addEventListener('keydown', event => { if (event.key === 'Escape') choose(); });
 document.querySelector('#chosen button').addEventListener('click', () => choose());
 for (const each of document.querySelectorAll('[name=clock]')) {
+  each.checked = each.value === state.clock;
   each.addEventListener('change', () => {
     state.clock = each.value;
     draw_charts();
