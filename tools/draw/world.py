@@ -31,9 +31,9 @@ from PIL import Image, ImageOps
 MONOREPO = Path(__file__).resolve().parents[2] / 'monorepo'
 # Of the picture from above: its size and its focal length in pixels, and where the camera is.
 WIDTH, HEIGHT, FOCAL_PIXELS = 2000, 1100, 2850.0
-FROM_MIDDLE_M, BELOW_PIXELS = (-9.5, -8.5, 8.5), 75
+FROM_MIDDLE_M, MARGIN_PIXELS = (-9.5, -8.5, 8.5), 18
 # With the offset of the text in points.
-NAMES = {19: ('tag 19', (-90, 0)), 2: ('tag 2 from behind', (-18, 140))}
+NAMES = {19: ('tag 19', (-90, 0)), 2: ('tag 2\nfrom behind', (14, 95))}
 INK, BORDER, POINTS = '#1f2328', '#8c959f', 20  # 11 px on a phone 328 px wide
 
 
@@ -56,10 +56,11 @@ def draw_above() -> Figure:
         right, down, ahead = (point - view.eye) @ camera_axes(*view)
         return np.array([right, down]) * FOCAL_PIXELS / ahead + [WIDTH / 2, HEIGHT / 2]
 
-    x, y = walls.x0 - 0.35, walls.y0 - 0.35
-    corners = [pixel(*at, z) for at in ((x, y), (x, walls.y1), walls[2:], (walls.x1, y)) for z in (0.0, 0.4)]
-    (left, top), (right, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
-    bottom += BELOW_PIXELS
+    out, height = sdf.THICKNESS_M, sdf.WALL_HEIGHT_M
+    x0, y0, x1, y1 = np.add(walls, (-out, -out, out, out))
+    corners = [pixel(*at, z) for at in ((x0, y0), (x0, y1), (x1, y1), (x1, y0)) for z in (0.0, height)]
+    left, top = np.min(corners, axis=0) - MARGIN_PIXELS
+    right, bottom = np.add(np.max(corners, axis=0), (MARGIN_PIXELS, 5 * MARGIN_PIXELS))
     figure = pyplot.figure(figsize=(8.2, 8.2 * (bottom - top) / (right - left)))
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.imshow(world.look(*view))
@@ -67,11 +68,14 @@ def draw_above() -> Figure:
     axes.set_axis_off()
     style = {'fontsize': POINTS, 'color': INK, **drawings.CENTRED}
     line = {'color': INK, 'linewidth': 1.5}
-    origin, *ends = pixel(x, y, 0.0), pixel(walls.x1, y, 0.0), pixel(x, walls.y1, 0.0)
-    axes.text(origin[0] - 130, origin[1] + 35, 'origin', **style)
+    # On top of the walls: those in front hide the floor at the origin.
+    origin, *ends = (pixel(*at, height) for at in (walls[:2], (walls.x1, walls.y0), (walls.x0, walls.y1)))
+    axes.text(origin[0], bottom - 2.2 * MARGIN_PIXELS, 'origin', **style)
     for end, name, metres, aside in zip(ends, 'xy', (walls.x1, walls.y1), (130, -130), strict=True):
-        axes.text(*(origin + end) / 2 + (aside, 50), f'{name}, {metres:g} m', **style)
-        axes.annotate('', end, origin, arrowprops={'arrowstyle': '-|>', 'mutation_scale': 18, **line})
+        axes.text(*(origin + end) / 2 + (aside, 75), f'{name}, {metres:g} m', **style)
+        arrow = {'arrowstyle': '-|>', 'mutation_scale': 18, 'shrinkA': 0, 'shrinkB': 0, **line}
+        axes.annotate('', end, origin, arrowprops=arrow)
+    axes.plot(*origin, 'o', color=INK)
     for number, (text, offset) in NAMES.items():
         at = pixel(*world.tags[number].centre)
         arrow = {'arrowstyle': '-', 'shrinkB': 8, **line}

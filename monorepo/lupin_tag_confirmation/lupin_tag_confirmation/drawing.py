@@ -10,7 +10,7 @@ from lupin_tag_confirmation.settings import Settings
 
 GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
 ASKED, PAPER = (255, 255, 255), (0, 0, 0)
-USUAL_WIDTH, BAR_PIXELS, FONT_PIXELS = 540, 42, 15  # a wider picture has larger texts
+USUAL_WIDTH, BAR_PIXELS, FONT_PIXELS, PAD_PIXELS = 540, 48, 15, 5  # a wider picture has larger texts
 
 
 def draw(
@@ -25,27 +25,29 @@ def draw(
     image = Image.fromarray(picture).convert('RGB')
     pen = ImageDraw.Draw(image)
     scale = max(1.0, image.width / USUAL_WIDTH)
-    bar, pen.font = round(scale * BAR_PIXELS), _font(round(scale * FONT_PIXELS))
+    bar, pad = round(scale * BAR_PIXELS), round(scale * PAD_PIXELS)
+    pen.font = _font(round(scale * FONT_PIXELS))
     for each in detections:
         label, colour = f'tag id {each.tag_number}', OTHER
         if each.tag_number == expected_number:
             colour = FLAWED if each.flaw(settings) else GOOD
-            label += f': decision margin {each.decision_margin:.0f}, {settings.min_decision_margin:g} needed'
+            label += f': contrast {each.decision_margin:.0f}, {settings.min_decision_margin:g} needed'
             label += f', hamming {each.hamming}' if each.hamming else ''
         corners = [(float(x), float(y)) for x, y in each.corners]
         pen.line([*corners, corners[0]], fill=colour, width=4)
         (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
         border = (bottom - top) / 8  # white, one of the tag's modules wide
         width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
-        x = max(min(float(left), image.width - width - 2.0), 0.0)
-        y = min(float(bottom + border) + 6 * scale, image.height - height - 4)
-        pen.rectangle((x, y, x + width + 1, y + height + 3), fill=PAPER)
-        pen.text((x, y), label, fill=colour)
+        right, low = width + 2.0 * pad, height + 2.0 * pad
+        x = max(min(float(left), image.width - right), 0.0)
+        y = min(float(bottom + border) + 6 * scale, image.height - low)
+        pen.rectangle((x, y, x + right, y + low), fill=PAPER)
+        pen.text((x + pad, y + pad / 2), label, fill=colour)
     pen.rectangle((0, 0, image.width, bar), fill=PAPER)
-    pen.text((4, 3), f'camera image: looking for tag id {expected_number}', fill=ASKED)
+    pen.text((2 * pad, pad), f'camera image: looking for tag id {expected_number}', fill=ASKED)
     why = reason.removeprefix(f'tag {expected_number}: ')
     answer, colour = (f'not confirmed; {why}', FLAWED) if why else ('confirmed', GOOD)
-    pen.text((4, 3 + bar // 2), answer, fill=colour)
+    pen.text((2 * pad, bar // 2), answer, fill=colour)
     return np.asarray(image)
 
 

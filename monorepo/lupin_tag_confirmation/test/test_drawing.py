@@ -45,6 +45,8 @@ def test_the_label_tells_the_id_the_margin_and_corrected_bits():
     inked = [(label != 128).any(axis=2).any(axis=0).sum() for label in labels]
     assert len({label.tobytes() for label in labels}) == 4
     assert inked[3] > inked[0] + 20  # ', hamming 1' makes it longer
+    assert (labels[0][4:7, 100:150] == PAPER).all()  # room around the text
+    assert (labels[0][4:20, 100:104] == PAPER).all()
 
 
 def test_a_wide_picture_has_a_higher_bar():
