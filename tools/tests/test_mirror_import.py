@@ -1,9 +1,11 @@
 """Patches of another team's clone of the mirror are imported into the core and both trees."""
 
+import shutil
 import subprocess
 
 import check_drift
 import generate
+import mirror_import
 import pytest
 from conftest import commit, edit, git
 
@@ -23,6 +25,7 @@ def commit_in(mirror, *edits):
 
 
 def import_patch(monorepo, patch):
+    """Run the command; return how it has ended."""
     file = monorepo.parent / 'N.patch'
     file.write_bytes(patch.encode(errors='surrogateescape'))
     # A shell in the background ignores Ctrl-C; so would this.
@@ -38,6 +41,38 @@ def refused(result):
     (line,) = result.stderr.splitlines()
     assert (result.returncode, line[: len(prefix)]) == (1, prefix)
     return line.removeprefix(prefix)
+
+
+@pytest.fixture
+def import_here(repositories):
+    """Return a function that imports a patch in this process, and without a work tree of its own."""
+    monorepo, _ = repositories
+    file, folder = monorepo.parent / 'N.patch', monorepo.parent / 'patches'
+
+    def imported(patch):
+        file.write_bytes(patch.encode(errors='surrogateescape'))
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for each in mirror_import.split(file, folder):
+            mirror_import.import_patch(monorepo, each, generate.load_table(monorepo))
+
+    return imported
+
+
+@pytest.fixture
+def refusal(import_here, repositories):
+    """Return a function that returns why a patch is refused."""
+    start = git(repositories[0], 'rev-parse', 'HEAD').strip()
+
+    def told(patch):
+        with pytest.raises(generate.RefusedError, match=r"^'Mend it': ") as refused:
+            import_here(patch)
+        shutil.rmtree(repositories[0] / '.git/rebase-apply', ignore_errors=True)
+        git(repositories[0], 'reset', '--quiet', '--hard', start)
+        git(repositories[0], 'clean', '--quiet', '-ffd')
+        return str(refused.value)
+
+    return told
 
 
 def add_hook(monorepo, name, script):
@@ -126,13 +161,13 @@ ON_PURPOSE = (
         ('LICENSE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
     ],
 )
-def test_what_the_mirror_must_keep_cannot_be_changed(repositories, path, old, new, reason):
-    monorepo, mirror = repositories
+def test_what_the_mirror_must_keep_cannot_be_changed(repositories, refusal, path, old, new, reason):
+    mirror = repositories[1]
     if new is None:
         (mirror / path).unlink()
-    result = import_patch(monorepo, commit_in(mirror, *([] if new is None else [(path, old, new)])))
-    assert refused(result).startswith("'Mend it': ")
-    assert refused(result).endswith(f'{path}: {reason}')
+    assert refusal(commit_in(mirror, *([] if new is None else [(path, old, new)]))).endswith(
+        f'{path}: {reason}'
+    )
 
 
 def mail(diff):
@@ -150,71 +185,66 @@ NOT_OF_THE_MIRROR = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize('path', NOT_OF_THE_MIRROR)
-def test_a_path_that_is_not_of_the_mirror_is_refused_in_every_form_of_a_patch(repositories, path):
-    quoted = path.replace('Ü', r'\303\234')
-    a, b = (f'"{side}/{quoted}"' if quoted != path else f'{side}/{path}' for side in 'ab')
+def test_a_path_that_is_not_of_the_mirror_is_refused_in_every_form_of_a_patch(repositories, refusal):
+    for path in NOT_OF_THE_MIRROR:
+        quoted = path.replace('Ü', r'\303\234')
+        a, b = (f'"{side}/{quoted}"' if quoted != path else f'{side}/{path}' for side in 'ab')
+        for diff in (
+            f'diff --git {a} {b}\nnew file mode 100644\n--- /dev/null\n+++ {b}\n{TEXT}',
+            f'--- /dev/null\n+++ {b}\n{TEXT}',
+            f'diff --git a/README.md {b}\nsimilarity index 100%\nrename from README.md\nrename to {b[2:]}\n',
+            f'diff --git a/README.md {b}\nsimilarity index 100%\ncopy from README.md\ncopy to {b[2:]}\n',
+        ):
+            assert refusal(mail(diff)), (path, diff)
     before = state(repositories[0])
-    for diff in (
-        f'diff --git {a} {b}\nnew file mode 100644\n--- /dev/null\n+++ {b}\n{TEXT}',
-        f'--- /dev/null\n+++ {b}\n{TEXT}',
-        f'diff --git a/README.md {b}\nsimilarity index 100%\nrename from README.md\nrename to {b[2:]}\n',
-        f'diff --git a/README.md {b}\nsimilarity index 100%\ncopy from README.md\ncopy to {b[2:]}\n',
-    ):
-        assert refused(import_patch(repositories[0], mail(diff))).startswith("'Mend it': ")
+    assert refused(import_patch(repositories[0], mail(diff))).startswith("'Mend it': ")
     assert state(repositories[0]) == before
 
 
 @pytest.mark.parametrize('mode', ['120000', '160000'])
-def test_a_symlink_and_a_submodule_are_refused(repositories, mode):
+def test_a_symlink_and_a_submodule_are_refused(refusal, mode):
     path = 'lupin_greenhouse_bridge/doc/more.md'
     text = TEXT.replace('on: push', f'Subproject commit {"1" * 40}')
     diff = f'diff --git a/{path} b/{path}\nnew file mode {mode}\n--- /dev/null\n+++ b/{path}\n{text}'
-    result = import_patch(repositories[0], mail(diff))
-    assert refused(result) == f"'Mend it': lupin_greenhouse_ros/{path}: is not a plain file"
+    assert refusal(mail(diff)) == f"'Mend it': lupin_greenhouse_ros/{path}: is not a plain file"
 
 
-def test_a_patch_without_prefixes_is_refused_with_the_fix(repositories):
-    monorepo, mirror = repositories
+def test_a_patch_without_prefixes_is_refused_with_the_fix(repositories, refusal):
+    mirror = repositories[1]
     commit_in(mirror, (f'{BRIDGE}/more.py', '', ''))
-    result = import_patch(monorepo, git(mirror, 'format-patch', '--stdout', '--no-prefix', '-1'))
-    assert 'without a/ and b/: make it with git -c diff.noprefix=false format-patch' in refused(result)
+    reason = refusal(git(mirror, 'format-patch', '--stdout', '--no-prefix', '-1'))
+    assert 'without a/ and b/: make it with git -c diff.noprefix=false format-patch' in reason
 
 
-def test_a_traditional_patch_of_a_file_without_header_is_imported(repositories):
+def test_a_traditional_patch_of_a_file_without_header_is_imported(repositories, import_here):
     path = f'{PACKAGE}/doc/more.md'
-    result = import_patch(repositories[0], mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}'))
-    assert result.returncode == 0, result.stderr
+    import_here(mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}'))
     assert (repositories[0] / 'tools/core' / path).read_text() == 'on: push\n'
     assert checks_pass(repositories[0])
 
 
-def test_a_patch_that_was_saved_with_crlf_is_imported(repositories):
+def test_a_patch_that_was_saved_with_crlf_is_imported(repositories, import_here):
     monorepo, mirror = repositories
-    assert import_patch(monorepo, commit_in(mirror, NEW_TITLE).replace('\n', '\r\n')).returncode == 0
+    import_here(commit_in(mirror, NEW_TITLE).replace('\n', '\r\n'))
     assert (monorepo / 'lupin_greenhouse_ros/README.md').read_bytes() == (mirror / 'README.md').read_bytes()
 
 
-@pytest.mark.parametrize('end', ['diff --git a/lupin', '\n@@ ', '\n+', '\n---\n'])
-def test_a_patch_that_is_cut_off_is_refused(repositories, end):
-    monorepo, mirror = repositories
-    patch = commit_in(mirror, NEW_TITLE, (f'{BRIDGE}/units.py', '"""The units', '"""All units'))
-    before = state(monorepo)
-    assert refused(import_patch(monorepo, patch[: patch.rindex(end)]))
-    assert state(monorepo) == before
+def test_a_patch_that_is_cut_off_is_refused(repositories, refusal):
+    patch = commit_in(repositories[1], NEW_TITLE, (f'{BRIDGE}/units.py', '"""The units', '"""All units'))
+    for end in ('diff --git a/lupin', '\n@@ ', '\n+', '\n---\n'):
+        assert refusal(patch[: patch.rindex(end)])
 
 
 @pytest.mark.parametrize(
     ('hook', 'script', 'message'),
     [
-        ('pre-commit', 'exit 1', 'git commit: exit code 1'),
         ('commit-msg', 'echo too long >&2; exit 1', 'git commit: too long'),
         ('pre-commit', 'rm -r tools/core; exit 1', 'git commit: exit code 1'),
         ('pre-applypatch', 'exit 1', 'does not apply to lupin_greenhouse_ros: exit code 1'),
         ('post-applypatch', 'rm -r tools/core/*/', 'tools/core: holds no files'),
         ('pre-commit', 'kill -INT 0', None),
     ],
-    ids=['pre-commit', 'commit-msg', 'spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
+    ids=['commit-msg', 'spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
 )
 def test_a_failure_leaves_the_repository_as_it_was(repositories, hook, script, message):
     """It fails at the second commit of a series."""
