@@ -269,9 +269,10 @@ def test_a_pose_allows_for_an_arrival_beside_it_where_there_is_room(camera_offse
     assert allows_arrival(find_tag_poses(blocked, walls_around(blocked))['0'], pose, camera_offset_m)
 
 
-def test_the_alternatives_of_a_tag_are_poses_too_and_apart_from_each_other(approaches):
-    found = find_approaches(SHIPPED, SHIPPED_WALLS, USUAL, most_per_tag=4)
-    assert (found.poses, set(found.alternatives)) == (approaches.poses, set(approaches.poses))
+def test_the_alternatives_of_a_tag_are_apart_from_its_pose_and_from_each_other():
+    limits = ViewingLimits(largest_standoff_m=0.6)
+    alone, found = (find_approaches(SHIPPED, SHIPPED_WALLS, limits, most_per_tag=most) for most in (1, 4))
+    assert (found.poses, set(found.alternatives)) == (alone.poses, set(alone.poses))
     counts = [len(others) for others in found.alternatives.values()]
     assert max(counts) == 3
     assert sum(counts) > 2 * len(counts)
@@ -279,11 +280,6 @@ def test_the_alternatives_of_a_tag_are_poses_too_and_apart_from_each_other(appro
         for here, there in itertools.combinations([found.poses[tag_id], *others], 2):
             turned = abs(math.remainder(here.yaw - there.yaw, math.tau))
             assert math.dist(here[:2], there[:2]) > 0.199 or math.degrees(turned) > 19.9
-        points_m = [pose[:2] for pose in others]
-        assert (gaps_m(SHIPPED, points_m, SHIPPED_WALLS) >= 0.2 + SMALLEST_ROOM_M - SAME_M).all()
-        for pose in others:
-            assert 0.3 - SAME_M <= pose.distance_m <= 1.0 + SAME_M
-            assert not is_hidden(SHIPPED, tag_id, pose)
 
 
 coordinates_m = st.floats(0.0, 4.0).map(lambda value: round(value, 2))
@@ -378,22 +374,6 @@ def benches_of(count: int) -> Layout:
     return layout_of(*places[:count], **tables)
 
 
-def test_each_of_400_tags_that_stick_out_has_the_pose_that_it_has_with_its_surroundings_alone():
-    layout = benches_of(400)
-    walls = walls_around(layout)
-    approaches = find_approaches(layout, walls, USUAL)
-    assert list(approaches.poses) == list(layout.tags)
-    assert (gaps_m(layout, [pose[:2] for pose in approaches.poses.values()]) >= 0.25 - SAME_M).all()
-    for tag_id in list(layout.tags)[::57]:
-        x, y, _ = layout.tags[tag_id]
-        around = Layout(
-            {each: tag for each, tag in layout.tags.items() if math.dist(tag[:2], (x, y)) < 3.0},
-            {name: each for name, each in layout.tables.items() if math.dist(each[:2], (x, y)) < 5.0},
-        )
-        pose = find_approaches(around, walls, USUAL).poses[tag_id]
-        assert approaches.poses[tag_id] == pytest.approx(pose)
-
-
 def test_a_line_is_in_sight_if_each_of_its_points_is_free():
     layout = benches_of(60)
     free_space = FreeSpace(layout, walls_around(layout), 0.2)
@@ -403,17 +383,6 @@ def test_a_line_is_in_sight_if_each_of_its_points_is_free():
     ]
     assert free_space.are_in_sight(starts, ends).tolist() == are_free
     assert 5 < sum(are_free) < 295
-
-
-@pytest.mark.parametrize(('y0', 'is_joined'), [(2.5, True), (1.9, False)])
-def test_two_rooms_are_one_region_if_a_long_corridor_joins_them(y0, is_joined):
-    """The rooms have many corners close together, the corridor of 30 m has none."""
-    rooms = [(x + 0.5 * n, y) for x in (0.5, 37.5) for n in range(5) for y in (1.0, 3.0)]
-    layout = layout_of(*rooms, south=(5.0, 0.0, 35.0, 1.5), north=(5.0, y0, 35.0, 4.0))
-    for start_m in (0.3, 2.0), (39.7, 2.0):
-        found = find_approaches(layout, Walls(0.0, 0.0, 40.0, 4.0), ViewingLimits(0.25), start_m=start_m)
-        sides = {pose.x < 20.0 for pose in found.poses.values()}
-        assert sides == ({True, False} if is_joined else {start_m[0] < 20.0})
 
 
 def test_the_route_of_many_stops_is_hardly_longer_than_the_shortest():
@@ -442,7 +411,7 @@ def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number
 
 
 @pytest.mark.parametrize('start_m', [None, (0.5, 0.5)])
-@pytest.mark.parametrize('end_m', [None, (0.5, 0.5), (SHIPPED_WALLS.x1 - 0.5, SHIPPED_WALLS.y1 - 0.5)])
+@pytest.mark.parametrize('end_m', [None, (0.5, 0.5)])
 def test_the_shortest_route_is_that_of_all_orders_from_the_start_to_the_end(approaches, start_m, end_m):
     free_space, poses = approaches.free_space, approaches.poses
     tag_ids = list(poses)[::5]

@@ -13,12 +13,8 @@ import pytest
 import yaml
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import approach_poses
-from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import find_walls
-from lupin_greenhouse_bridge.simulator.layout import find_layout
 from PIL import Image
 
 BENCH = (1.0, 1.0, 3.0, 1.5)
@@ -34,7 +30,7 @@ def write_map(tmp_path):
     def write(pixels, name='map.pgm', **values):
         image = Image.fromarray(np.asarray(pixels, dtype=np.uint8))
         image.save(tmp_path / name)
-        data = {'resolution': 1.0, 'origin': [0.0, 0.0, 0.0], 'negate': 0}
+        data = {'resolution': 1.0, 'origin': [0.0, 0.0, 0.0]}
         data |= {'image': name, 'occupied_thresh': 0.65, 'free_thresh': 0.196, **values}
         path = tmp_path / 'map.yaml'
         path.write_text(yaml.safe_dump(data), encoding='utf-8')
@@ -148,30 +144,6 @@ def test_fields_that_do_not_fit_are_refused(fields, fault):
         OccupancyMap(*fields)
 
 
-def test_every_pose_has_its_room_in_the_map():
-    """In a map of the shipped tables and of boxes on the floor, some of them in the best poses."""
-    layout, limits = find_layout(''), ViewingLimits(clearance_m=0.03)
-    walls = find_walls(layout)
-    before = find_approaches(layout, walls, limits).poses
-    chance, blocked = random.Random(1), ('2', '7', '12')
-    boxes_m = np.array([before[tag_id][:2] for tag_id in blocked])
-    boxes_m = np.concatenate([boxes_m, [(chance.uniform(0, 4), chance.uniform(0, 8)) for _ in range(10)]])
-    columns, rows = np.floor(boxes_m / 0.05).astype(int).T
-    width, height = 20 * round(walls.x1), 20 * round(walls.y1)
-    cells = np.zeros((height, width), dtype=int)
-    cells[rows, columns] = 100
-    occupancy = OccupancyMap(width, height, 0.05, ORIGIN, cells.ravel())
-    after = find_approaches(layout, walls, limits, occupancy=occupancy, most_per_tag=3)
-    moved = {tag_id for tag_id in after.poses if after.poses[tag_id] != before[tag_id]}
-    assert {each for each in blocked if each in after.poses} <= moved
-    assert 15 < len(after.poses) > len(moved) > 0
-    middles = 0.05 * (np.column_stack([columns, rows]) + 0.5)
-    for tag_id, pose in after.poses.items():
-        for x, y, *_ in (pose, *after.alternatives[tag_id]):
-            beside = np.maximum(np.abs(middles - (x, y)) - 0.025, 0.0)
-            assert np.hypot(*beside.T).min() >= 0.23 - 1e-9, tag_id
-
-
 @pytest.mark.parametrize(('grey', 'kind'), [(0, 'has an obstacle'), (205, 'is unknown')])
 def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_map, poses_of, grey, kind):
     """A corridor of 0.24 m in front of the tag: in its middle, 0.6 m from it, both sides are 0.12 m away."""
@@ -254,14 +226,16 @@ def test_places_outside_the_map_are_warned_of_unless_the_unknown_is_free(write_m
         ('negate: 1', 'negate: 2'),
         ('negate: 1', 'negate: -1'),
         ('negate: 1', 'negate: 1\nnegate: 0\nresolution: 9.0'),  # the first of equal keys counts
-        ('free_thresh: 0.196', 'free_thresh: 1.96E-1'),
+        ('free_thresh: 0.25', 'free_thresh: 2.5E-1'),
+        ('free_thresh: 0.25', ''),  # the default
+        ('occupied_thresh: 0.65', ''),
     ],
 )
 def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
     """map_server takes each of these files, and PyYAML alone reads some of their values as another type."""
     path = write_map(GREY)
     lines = ['image: map.pgm', 'resolution: 1.0', 'origin: [0.5, 0.0, 0.0]', 'mode: scale', 'negate: 1']
-    lines += ['occupied_thresh: 0.65', 'free_thresh: 0.196']
+    lines += ['occupied_thresh: 0.65', 'free_thresh: 0.25']
     path.write_text('\n'.join(lines), encoding='utf-8')
     usual = read_map(path)
     path.write_text('\n'.join(lines).replace(line, instead), encoding='utf-8')
@@ -269,13 +243,6 @@ def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
     assert instead in path.read_text(encoding='utf-8')
     assert (percents(found), found.origin) == (percents(usual), usual.origin)
     assert found.resolution_m == usual.resolution_m == 1.0
-
-
-def test_the_thresholds_of_a_map_have_defaults(write_map):
-    path = write_map(GREY, free_thresh=0.25)
-    usual = read_map(path)
-    path.write_text('image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\n', encoding='utf-8')
-    assert percents(read_map(path)) == percents(usual)
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,6 @@ def test_what_ros_cannot_parse_is_told_apart(bridge_here, arguments, fault):
         ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'subnet', "'subnet': must be one of SUBNET, LOCALHOST, OFF"),
         ('ROS_LOCALHOST_ONLY', 'yes', "ROS_LOCALHOST_ONLY is 'yes': must be one of 0, 1"),
         ('ROS_SECURITY_ENABLE', 'True', "ROS_SECURITY_ENABLE is 'True': must be one of true, false"),
-        ('ROS_SECURITY_ENABLE', 'true', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it'),
         ('ROS_SECURITY_STRATEGY', 'enforce', "'enforce': must be one of Enforce, Permissive"),
         ('FASTDDS_DEFAULT_PROFILES_FILE', '/none.xml', "FASTDDS_DEFAULT_PROFILES_FILE names no file: '/none"),
         ('FASTRTPS_DEFAULT_PROFILES_FILE', '/none.xml', 'set it to the path of an XML file, or unset it'),
