@@ -36,8 +36,6 @@ def tag_file(write_layout):
 
 @pytest.fixture
 def poses_of(tag_file, capsys):
-    """Return a function that runs the command, and returns its exit code, output and errors."""
-
     def run(*words):
         exit_code = approach_poses.main(['approach_poses', '--tag-file', tag_file, *words])
         return exit_code, *capsys.readouterr()

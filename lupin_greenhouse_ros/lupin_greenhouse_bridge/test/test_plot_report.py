@@ -32,7 +32,6 @@ Text = importlib.import_module('matplotlib.text').Text if HAS_MATPLOTLIB else No
 
 @pytest.fixture
 def report(tmp_path):
-    """Return the path of a report of two tags that were read and two that were not."""
     return write_report(
         tmp_path / 'report.jsonl',
         visit('1', temperature=22.61),
@@ -52,8 +51,6 @@ def figures(monkeypatch):
 
 @pytest.fixture
 def drawn(tmp_path, figures):
-    """Return a function that draws visits, or a file, and returns the figure."""
-
     def draw(*visits, file=None):
         assert main([str(file or write_report(tmp_path / 'report.jsonl', *visits))]) == 0
         return figures[-1]

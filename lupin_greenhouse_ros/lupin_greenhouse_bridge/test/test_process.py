@@ -53,7 +53,6 @@ NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECO
 
 
 def ended_process(command):
-    """Return the exit code of a process, and what it wrote to its standard output and error."""
     ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_SECONDS, check=False)
     return ended.returncode, ended.stdout, ended.stderr
 

@@ -224,7 +224,6 @@ def test_a_thousand_readings_that_have_arrived_at_the_end_are_all_kept(readings,
 
 @contextlib.contextmanager
 def bridge_with(**parameters):
-    """Run a node with the name of the bridge and these parameters."""
     with spinning_node('greenhouse_bridge') as bridge:
         for name, value in parameters.items():
             bridge.declare_parameter(name, value)

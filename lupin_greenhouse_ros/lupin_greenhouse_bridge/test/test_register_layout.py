@@ -247,7 +247,6 @@ TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
 
 @pytest.fixture
 def places():
-    """Return the shipped tags in the map."""
     return {tag_id: list(place) for tag_id, place in moved(SHIPPED_M, TRANSFORM).items()}
 
 
@@ -264,7 +263,6 @@ def register(run_here, tmp_path):
 
 
 def refusal(ended) -> str:
-    """Return the one line of a register_layout that refuses."""
     (line,) = [line for line in ended.err.splitlines() if line.startswith('register_layout: ')]
     return line.removeprefix('register_layout: ')
 

@@ -69,7 +69,6 @@ def markers_of(*readings, at_seconds=100, layout=BENCH, layout_in_map=TRANSFORM)
 
 
 def cell(field, x, y) -> int:
-    """Return the value of a field at a point of the map."""
     info, origin = field.info, pose_in_plane(field.info.origin)
     yaw, dx, dy = origin.yaw, x - origin.x, y - origin.y
     column = math.floor((math.cos(yaw) * dx + math.sin(yaw) * dy) / info.resolution)
@@ -183,8 +182,6 @@ def test_no_label_covers_another_one(shipped_tags):
 
 
 class Publisher:
-    """A publisher that keeps publishing its readings."""
-
     def __init__(self, node, *readings, durability=LATCHED, topic=TOPIC):
         self.readings = readings
         publisher = node.create_publisher(TagReading, topic, QoSProfile(depth=50, durability=durability))

@@ -129,7 +129,6 @@ class Ended(NamedTuple):
 
     @property
     def refusal(self) -> str:
-        """Return the one FATAL line of a node that refuses to start."""
         assert self.code == 1, self
         fatal = [line for line in self.err.splitlines() if '[FATAL]' in line]
         assert len(fatal) == 1, self
@@ -264,7 +263,6 @@ def bridge_here(run_here):
 
 @pytest.fixture
 def read_tag_here(run_here):
-    """Return a function that runs read_tag with these arguments in the test's process."""
     from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS  # as above
 
     patience = ('--timeout', str(PATIENCE_SECONDS))
@@ -286,6 +284,5 @@ def visit(tag_id, outcome='OK', detail='', second=0, **values):
 
 
 def write_report(path: Path, *visits: dict) -> Path:
-    """Write the visits to a file, and return its path."""
     path.write_text(''.join(f'{json.dumps(each)}\n' for each in visits), encoding='utf-8')
     return path

@@ -104,7 +104,6 @@ def is_hidden(layout: Layout, tag_id: str, pose: ApproachPose, camera_offset_m: 
 
 
 def points_of(path) -> np.ndarray:
-    """Return many points of a path, in an array (points, 2)."""
     return np.reshape([np.linspace(*leg, 200) for leg in itertools.pairwise(path)], (-1, 2))
 
 

@@ -176,7 +176,6 @@ SERVICE = '/greenhouse_bridge/get_tag_reading'
 
 
 def blocks_of(page: str) -> list[str]:
-    """Return the Python blocks of a page."""
     return re.findall(r'^```python\n(.*?)^```', (PAGE.parent / page).read_text(encoding='utf-8'), re.M | re.S)
 
 

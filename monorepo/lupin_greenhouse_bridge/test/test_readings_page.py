@@ -26,7 +26,6 @@ EVIL = '</script><script>alert(1)</script>'
 
 @pytest.fixture
 def report(tmp_path):
-    """Return a function that writes a report of these visits and returns its path."""
     return lambda *visits: write_report(tmp_path / 'report.jsonl', *visits)
 
 
@@ -49,7 +48,6 @@ def recording(tmp_path):
 
 
 def data_in(page):
-    """Return the data in a page."""
     text = page.read_text(encoding='utf-8')
     assert len(text) < 5e6
     return json.loads(
@@ -58,7 +56,6 @@ def data_in(page):
 
 
 def shown(path, *options):
-    """Make the page of a file, and return the data in it."""
     assert readings_page.main([str(path), *options]) == 0
     (data,) = data_in(path.with_suffix('.html'))['files']
     return data

@@ -57,7 +57,6 @@ def imports(file: Path) -> set[str]:
 
 
 def imported_rooms(file: Path) -> set[str]:
-    """Return the rooms and the modules beside them that a file imports."""
     return {name.split('.')[1] for name in imports(file) if name.startswith('lupin_greenhouse_bridge.')}
 
 

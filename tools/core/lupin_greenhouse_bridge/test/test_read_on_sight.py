@@ -187,7 +187,6 @@ def tag_ids_of(readings) -> list[str]:
 
 @pytest.fixture
 def log(tmp_path):
-    """Return a function that reads what is logged since start_reader()."""
     return lambda: (tmp_path / 'log').read_text(encoding='utf-8', errors='replace')
 
 

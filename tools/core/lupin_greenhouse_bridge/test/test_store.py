@@ -26,7 +26,6 @@ STAMP_NS = 1_795_189_976_000_000_513
 
 
 def row(number=0, tag_id='7', sensor='co2', value=468.63, place_m=(1.5, 7.25)) -> Row:
-    """Return a row whose stamp has this number."""
     at = STAMP_NS + number
     return Row(at, utc_of(at), tag_id, sensor, value, 'ppm', *place_m, 14400.0, '/mission/readings')
 
