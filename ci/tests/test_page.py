@@ -1,6 +1,5 @@
 """The page of readings in a real browser, without a network."""
 
-import contextlib
 import itertools
 import json
 import os
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pypdfium2
 import pytest
-from browser import CHROMIUM, NO_CHROMIUM, Page
+from browser import CHROMIUM, NO_CHROMIUM, chromium
 from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -139,6 +138,7 @@ COLOURS_OF_SCHEME = """
 Object.fromEntries(['text', 'muted', 'bad', 'accent', 'page', 'chosen', 'table'].map(name =>
     [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`)]))
 """
+PAPER = {'print_background': True, 'prefer_css_page_size': True}
 LEAST_CONTRAST = 4.5  # of WCAG 2.2, level AA
 PRESS = 'document.activeElement.dispatchEvent(new KeyboardEvent("keydown", {{ key: "{}", bubbles: true }}))'
 
@@ -154,16 +154,40 @@ def visit(number, tag_id, sensors, outcome='OK'):
     return json.dumps(found)
 
 
+@pytest.fixture(scope='module')
+def browser():
+    """Return the browser of all tests."""
+    with chromium() as started:
+        yield started
+
+
 @pytest.fixture
-def open_page():
-    """Return a function that makes the page of a file and opens it; the browser ends with the test."""
-    with contextlib.ExitStack() as stack:
+def open_page(browser):
+    """
+    Return a function that makes the page of a file and opens it.
 
-        def make_and_open(path, *options, **size):
-            assert readings_page.main([str(path), *options]) == 0
-            return stack.enter_context(Page(path.with_suffix('.html'), **size))
+    `complaints` has what the page and its console said, and `requests` each address that it requested.
+    """
 
-        yield make_and_open
+    def make_and_open(path, *options, width=1280, height=900):
+        assert readings_page.main([str(path), *options]) == 0
+        page = browser.new_page(viewport={'width': width, 'height': height}, is_mobile=width < 600)
+        page.complaints, page.requests = [], []
+        for event in ('console', 'pageerror'):
+            page.on(event, lambda found: page.complaints.append(str(found)))
+        page.on('request', lambda request: page.requests.append(request.url))
+        page.goto(path.with_suffix('.html').as_uri())
+        return page
+
+    yield make_and_open
+    for context in browser.contexts:
+        context.close()
+
+
+def wait_for(page, condition: str) -> None:
+    """Wait until JavaScript is true; Playwright's own way to wait needs what the page forbids, eval()."""
+    look = f'const look = () => {condition} ? done() : requestAnimationFrame(look); look();'
+    page.evaluate(f'new Promise(done => {{ {look} }})')
 
 
 @pytest.fixture
@@ -243,7 +267,7 @@ def test_a_tag_that_is_chosen_anywhere_is_chosen_everywhere(report, open_page):
         "[...document.querySelectorAll('tbody a')].find(each => each.textContent === '5').click()",
     ):
         page.evaluate(act)
-        page.wait_for(f'{CHOSEN}.length > 0')
+        wait_for(page, f'{CHOSEN}.length > 0')
         assert page.evaluate(CHOSEN) == ['5'] * (2 + len(sensors))  # in the map, the table and its charts
         facts = page.evaluate("document.getElementById('chosen').textContent")
         assert facts.startswith('tag 5: read · temperature ')
@@ -264,7 +288,7 @@ def test_the_arrow_keys_choose_the_next_tag_of_the_map_and_keep_the_focus(report
     assert page.evaluate("document.querySelector('tr.chosen').firstChild.textContent") == chosen
     page.evaluate('document.querySelector(\'#map a[data-tag="5"]\').focus()')
     page.evaluate(f'document.activeElement.{CLICK}')  # as Enter does
-    page.wait_for(f"{CHOSEN}.includes('5')")
+    wait_for(page, f"{CHOSEN}.includes('5')")
     assert page.evaluate(focused) == '5'
 
 
@@ -343,8 +367,8 @@ def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, ope
 def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page, width, small_maps):
     page = open_page(report, width=width, height=740)
     for scheme in ('light', 'dark'):
-        page.prefer(scheme)
-        page.wait_for(f"matchMedia('(prefers-color-scheme: {scheme})').matches")
+        page.emulate_media(color_scheme=scheme)
+        wait_for(page, f"matchMedia('(prefers-color-scheme: {scheme})').matches")
         assert page.evaluate(GROUNDS) == 1
         assert page.evaluate('document.documentElement.scrollWidth') == width
         colours = page.evaluate(COLOURS_OF_SCHEME)
@@ -376,8 +400,8 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
     assert page.evaluate("document.querySelectorAll('#map .stop').length") == 2
     boxes, widths = {}, [320, 360, 412, 560, 703, 704, 768, 900, 1280, 1920, 2560]
     for width in widths:
-        page.resize(width, height)
-        page.wait_for(f'innerWidth === {width} && {IS_DRAWN}')
+        page.set_viewport_size({'width': width, 'height': height})
+        wait_for(page, f'innerWidth === {width} && {IS_DRAWN}')
         boxes[width] = page.evaluate(BOXES)
         faults = (CLOSE, COVERED_IN_CHARTS, BEYOND_CARD) + (COVERED, WITHOUT_LABEL) * (walls == (4, 8))
         faults += (MISREAD,) * (walls == (4, 8) and width >= 360)
@@ -459,7 +483,7 @@ def test_axe_finds_no_fault(report, open_page, width):
     page = open_page(report, width=width)
     page.evaluate(AXE.read_text(encoding='utf-8') + '; 0')
     for scheme in ('light', 'dark'):
-        page.prefer(scheme)
+        page.emulate_media(color_scheme=scheme)
         for act in ('0', "location.hash = '#tag=5'"):
             page.evaluate(act)
             found = page.evaluate('axe.run().then(found => JSON.stringify(found.violations))')
@@ -480,7 +504,7 @@ def test_of_several_files_one_is_shown_and_all_are_compared(report, tmp_path, op
     assert page.evaluate(row) == [tag_id, f'{tag.sensors[0]} ({unit})', *values, '9.5']
     assert page.evaluate("document.querySelector('.farthest').innerText.trim()") == values[1]
     page.evaluate(f"location.hash = '#tag={tag_id}'; document.querySelectorAll('#files a')[1].click()")
-    page.wait_for("document.readyState === 'complete' && location.search === '?file=1'")
+    wait_for(page, "document.readyState === 'complete' && location.search === '?file=1'")
     assert f'{tag.sensors[0]} 29.5' in page.evaluate("document.getElementById('chosen').textContent")
     assert page.evaluate('document.documentElement.scrollWidth') == 390
     assert page.complaints == []
@@ -492,7 +516,7 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
     page = open_page(report, width=390)
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate(WITHOUT_LABEL) == page.evaluate(COVERED_IN_CHARTS) == []
-    sheets = pypdfium2.PdfDocument(page.paper())
+    sheets = pypdfium2.PdfDocument(page.pdf(**PAPER))
     texts = [sheet.get_textpage().get_text_range() for sheet in sheets]
     for number, text in enumerate(texts, 1):
         assert report.name in text
@@ -519,7 +543,7 @@ def test_labels_beside_each_other_keep_a_gap_in_print(tmp_path, open_page):
 def test_the_header_of_the_table_stays_while_the_page_scrolls(report, open_page, width):
     page = open_page(report, width=width, height=500)
     page.evaluate("document.querySelector('tbody tr:last-child').scrollIntoView({ block: 'center' })")
-    page.wait_for("Math.abs(document.querySelector('thead').getBoundingClientRect().top) < 1")
+    wait_for(page, "Math.abs(document.querySelector('thead').getBoundingClientRect().top) < 1")
     vertical = (
         "[...document.querySelectorAll('.scroll')].filter(each => each.scrollHeight > each.clientHeight)"
     )
@@ -564,7 +588,7 @@ def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
         assert EVIL in page.evaluate(texts)
     assert any(EVIL in name for name in page.evaluate(NAMES))
     page.evaluate("document.querySelector('tbody a').click()")
-    page.wait_for(f'{CHOSEN}.length > 0')
+    wait_for(page, f'{CHOSEN}.length > 0')
     assert EVIL in page.evaluate("document.getElementById('chosen').textContent")
     assert page.complaints == []
     assert page.requests == [path.with_suffix('.html').as_uri()]
@@ -576,7 +600,7 @@ def test_of_many_tags_one_is_found_by_its_name_and_the_missing_numbers_are_count
     tag_file.write_text(json.dumps(tags), encoding='utf-8')
     path.write_text('\n'.join(visit(0, tag_id, ['co2']) for tag_id in tags), encoding='utf-8')
     page = open_page(path, '--tag-file', str(tag_file))
-    second = pypdfium2.PdfDocument(page.paper())[2].get_textpage().get_text_range()
+    second = pypdfium2.PdfDocument(page.pdf(**PAPER))[2].get_textpage().get_text_range()
     assert 'CO₂ppm' in ''.join(second.split())  # the header of the table, again
     page.evaluate("document.querySelector('input[type=search]').value = 'FAR 99'")
     page.evaluate("document.querySelector('input[type=search]').dispatchEvent(new Event('input'))")

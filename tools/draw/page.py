@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from browser import CHROMIUM, NO_CHROMIUM, Page
+from browser import CHROMIUM, NO_CHROMIUM, chromium
 from lupin_greenhouse_bridge.display import drawing_command, plot_report, readings_page
 from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from PIL import Image
@@ -36,9 +36,11 @@ def main() -> int:
         path = Path(folder, 'page.html')
         if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
-        with Page(path, width=PAGE_PIXELS) as page:
+        with chromium() as browser:
+            page = browser.new_page(viewport={'width': PAGE_PIXELS, 'height': 900})
+            page.goto(path.as_uri())
             height = page.evaluate(TOP_OF_TABLE)
-            picture = Image.open(io.BytesIO(page.picture(is_whole=True))).convert('RGB')
+            picture = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert('RGB')
     picture.crop((0, 0, PAGE_PIXELS, height)).save(COMMITTED, optimize=True)
     print(COMMITTED)
     parser = drawing_command.parser_of('page', '', '')
