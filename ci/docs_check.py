@@ -39,7 +39,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 from urllib.parse import unquote
 
 import rclpy
@@ -75,14 +75,6 @@ NODES = {
 OF_EVERY_NODE = ('rcl_interfaces', 'type_description_interfaces')
 
 
-class Block(NamedTuple):
-    """A fenced block; `mark` is the text of the comment above it, or ''."""
-
-    mark: str
-    language: str
-    text: str
-
-
 class Document:
     """A Markdown file; `path` is relative to `root`, the folder of the repository."""
 
@@ -90,9 +82,10 @@ class Document:
         self.root, self.path = root, path
         self.text = (root / path).read_text(encoding='utf-8')
         self.unfenced = FENCED.sub('', self.text)
-        self.blocks = [Block(*found) for found in FENCED.findall(self.text)]
-        self.shell_blocks = [block for block in self.blocks if block.language in ('bash', 'console', 'sh')]
-        graphs = [block.text.partition('flowchart ')[2] for block in self.blocks]
+        # The text of the comment above each, or '', then its language and its text.
+        self.blocks: list[tuple[str, str, str]] = FENCED.findall(self.text)
+        self.shell_blocks = [block for block in self.blocks if block[1] in ('bash', 'console', 'sh')]
+        graphs = [text.partition('flowchart ')[2] for _, _, text in self.blocks]
         self.graph_lines = [line for graph in graphs for line in graph.splitlines()[1:]]
 
     def facts(self) -> Facts:

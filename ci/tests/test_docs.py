@@ -17,8 +17,8 @@ def without_numbers(text: str) -> list[str]:
 def test_the_two_commands_of_the_readme(open_shell):
     """Each `$ command` of its console block prints what is shown below it, and its client reads tag 1."""
     blocks = docs_check.Document(ROOT, Path('README.md')).blocks
-    (client,) = [block.text for block in blocks if block.language == 'python']
-    shown = next(block.text for block in blocks if block.language == 'console')
+    (client,) = [text for _, language, text in blocks if language == 'python']
+    shown = next(text for _, language, text in blocks if language == 'console')
     serving, *asking = [each.partition('\n') for each in shown.removeprefix('$ ').split('\n$ ')]
     assert [each[0] for each in asking] == ['make read TAG=1', 'make read TAG=99']
     server, shell = open_shell(), open_shell()

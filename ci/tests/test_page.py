@@ -504,7 +504,7 @@ def test_of_several_files_one_is_shown_and_all_are_compared(report, tmp_path, op
     assert page.evaluate(row) == [tag_id, f'{tag.sensors[0]} ({unit})', *values, '9.5']
     assert page.evaluate("document.querySelector('.farthest').innerText.trim()") == values[1]
     page.evaluate(f"location.hash = '#tag={tag_id}'; document.querySelectorAll('#files a')[1].click()")
-    wait_for(page, "document.readyState === 'complete' && location.search === '?file=1'")
+    page.wait_for_url('**?file=1#*')
     assert f'{tag.sensors[0]} 29.5' in page.evaluate("document.getElementById('chosen').textContent")
     assert page.evaluate('document.documentElement.scrollWidth') == 390
     assert page.complaints == []
