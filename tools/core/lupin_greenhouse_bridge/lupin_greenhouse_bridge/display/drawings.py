@@ -34,12 +34,11 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
-JOINED_M = 0.25  # stops that are closer share a label
+JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-FRONT_DEGREES, FRONT_SHARE = 60.0, 0.35  # of the robot's rim, around its heading, and of its radius
-NUMBERED_M = 0.16  # the radius of the smallest disc that holds its number
+NOSE, NOSE_DEGREES = 1.5, 45.0  # of the robot: how far it reaches in radii, and where it leaves the disc
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
@@ -54,9 +53,8 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
-# In the key, as the next two.
-ROBOT = point_style('o', colours.ROUTE, 10, markerfacecoloralt=colours.ROBOT, fillstyle='right')
-STOP_NUMBER = point_style(r'$\bf{23}$', colours.ROUTE, 12, markeredgewidth=0)
+# In the key, as the next one.
+ROBOT = point_style('$❼▸$', colours.ROUTE, 17, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
 
 
@@ -82,6 +80,14 @@ class LabelSize(NamedTuple):
 
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
+DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number in a robot's disc
+NUMBER_IN_DISC: Style = {
+    'color': 'white',
+    'weight': 'bold',
+    'size': 0.9 * POINTS,
+    'linespacing': 0.9,
+    **CENTRED,
+}
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -192,7 +198,7 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
 def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
     """Draw a thin path from a circle to a square, with its marks and arrows where none of these boxes is."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
-    style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 11}
+    style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
     every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
     for x, y, heading in arrows_along(points, every_m, taken):
         tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
@@ -204,14 +210,18 @@ def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -
 
 
 def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
-    """Draw the disc of the robot to scale, over its path, with a dark rim at its heading."""
-    from matplotlib.patches import Circle, Wedge
+    """Draw the disc of the robot to scale, over its path, with a nose at its heading under every disc."""
+    from matplotlib.patches import Circle, Polygon
 
-    heading, half = math.degrees(pose.yaw), FRONT_DEGREES / 2
-    axes.add_patch(Circle(pose[:2], radius_m, color=colours.ROBOT, zorder=1.7))
-    axes.add_patch(Circle(pose[:2], radius_m, fill=False, edgecolor=colours.ROUTE, zorder=1.8))  # over others
-    rim: Style = {'width': FRONT_SHARE * radius_m, 'color': colours.ROUTE, 'linewidth': 0, 'zorder': 1.8}
-    axes.add_patch(Wedge(pose[:2], radius_m, heading - half, heading + half, **rim))
+    heading, aside = pose.yaw, math.radians(NOSE_DEGREES)
+    corners = ((NOSE, heading), (1.0, heading + aside), (1.0, heading - aside))
+    points = [
+        (pose.x + share * radius_m * math.cos(angle), pose.y + share * radius_m * math.sin(angle))
+        for share, angle in corners
+    ]
+    style: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white'}
+    axes.add_patch(Polygon(points, **style, zorder=1.65))
+    axes.add_patch(Circle(pose[:2], radius_m, **style, zorder=1.7))
 
 
 def draw_route(
@@ -256,25 +266,11 @@ def draw_route(
     bounds = box_of(walls)
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
-    groups = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids], scale * JOINED_M)
-    numbers = []
-    for text, group in groups.items():
-        if len(group) == 1 and robot_radius_m >= scale * NUMBERED_M:
-            axes.text(*group[0], text, color=colours.ROUTE, fontweight='bold', zorder=5, **CENTRED)
-        else:
-            x, y = np.mean(group, axis=0).tolist()
-            numbers.append((text, Box(x, y, robot_m, robot_m), 'white'))
-    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
-    boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
-    for box, (text, _, _) in zip(boxes, numbers, strict=True):
-        for stop in groups[text]:
-            share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
-            ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
-            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=1.65)
+    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
+    _write_numbers(axes, stops, robot_radius_m, scale, taken, bounds)
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,
-        'number of a stop': STOP_NUMBER,
+        f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
         'from a stop to the tag that it reads': sight,
         'tag and its id': TAG_AND_ID,
     }
@@ -284,6 +280,32 @@ def draw_route(
     shown = [(label, {'linewidth': 0.9, **mark}) for label, mark in marks.items()]
     write_key(axes, shown, columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
+
+
+def _write_numbers(
+    axes: Any, stops: Sequence[Point], radius_m: float, scale: float, taken: Sequence[Box], bounds: Box
+) -> None:
+    """Write the number of each stop into its disc, away from others, or beside it with a line."""
+    digits, numbers = DIGITS.times(scale), []
+    is_large = math.hypot(*digits.box('88')) < 2 * radius_m
+    groups = join_stops(stops, radius_m / 4 if is_large else scale * JOINED_M)
+    for text, group in groups.items():
+        lines, middle = text.replace(', ', '\n'), np.mean(group, axis=0)
+        spare_m = radius_m - math.hypot(*digits.box(lines)) / 2
+        if spare_m < 0.0:
+            numbers.append((text, Box(middle[0], middle[1], 2 * radius_m, 2 * radius_m), 'white'))
+            continue
+        others = [each for each in stops if each not in group and math.dist(each, middle) < 2 * radius_m]
+        away = np.sum([middle - each for each in others], axis=0) if others else np.zeros(2)
+        x, y = middle + spare_m * away / max(np.hypot(*away), 1e-9)
+        axes.text(x, y, lines, **NUMBER_IN_DISC, zorder=5)
+    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
+    boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
+    for box, (text, _, _) in zip(boxes, numbers, strict=True):
+        for stop in groups[text]:
+            share = radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
+            ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
+            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=1.65)
 
 
 def join_stops(stops: Sequence[Point], joined_m: float) -> dict[str, list[Point]]:
