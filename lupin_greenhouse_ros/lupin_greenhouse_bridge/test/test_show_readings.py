@@ -3,12 +3,14 @@
 
 import json
 import math
+import signal
 import time
 
 import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
+from conftest import SPINS
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
@@ -29,7 +31,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform, write_trans
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
@@ -372,10 +374,10 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
     assert {topic for topic, settings in PANEL['topics'].items() if settings['visible']} == shown.keys()
 
 
-def test_the_process_ends_with_exit_code_0(start_node):
-    process = start_node([executable('lupin_greenhouse_bridge', 'show_readings')])
-    process.wait_for_log('field of temperature, readings from /read_on_sight/readings and /mission/readings')
-    assert process.stop() == 0
+def test_it_says_what_it_shows_and_ends_with_exit_code_0(run_here):
+    ended = run_here(show_readings.main, signals_at={SPINS: (signal.SIGTERM,)})
+    assert 'field of temperature, readings from /read_on_sight/readings and /mission/readings' in ended.err
+    assert ended.code == 0
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,6 @@ hypothesis.settings.register_profile(
     'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile('unhurried')
-ALTERED_BRIDGE = Path(__file__).parent / 'altered_bridge.py'
 # The mirror serves a custom tag file only with custom_tag_file.patch.
 TAKES_TAG_FILES = 'greenhouse' not in GetTagReading.__module__.split('.')[
     0
@@ -90,7 +89,7 @@ def shipped_config():
 
 @pytest.fixture(scope='session')
 def altered():
-    return lambda alteration: [sys.executable, str(ALTERED_BRIDGE), alteration]
+    return lambda alteration: [sys.executable, str(Path(__file__).with_name('altered_bridge.py')), alteration]
 
 
 @pytest.fixture(scope='session')

@@ -1,10 +1,12 @@
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
+import importlib
 import io
 import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -149,8 +151,15 @@ def test_a_command_without_a_node_is_ended_by_ctrl_c_at_once():
     moment = 'display/readings_page.py:main'
     ended = ended_process(command(PACKAGE, 'readings_page', moment, SIGNALS['Ctrl-C']))
     assert ended == (-signal.SIGINT, f'signalled in {moment}\n', '')
-    for start in (executables.plot_report, executables.approach_poses):
-        assert start.keywords == executables.readings_page.keywords
+
+
+def test_each_executable_starts_its_module_and_those_without_a_node_handle_no_signal():
+    starts = {name: each for name, each in vars(executables).items() if isinstance(each, partial)}
+    for name, start in starts.items():
+        assert start.args[0].rpartition('.')[2] == name
+        assert importlib.import_module(*start.args).main
+    without_a_node = [name for name, start in starts.items() if start.keywords == {'has_node': False}]
+    assert without_a_node == ['plot_report', 'readings_page', 'approach_poses']
 
 
 def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
