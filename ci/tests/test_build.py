@@ -213,6 +213,6 @@ def test_with_its_patch_the_mirror_serves_a_custom_tag_file(tmp_path):
     printed = run_in(
         tree,
         f'export PYTHONPATH={tmp_path}/{BRIDGE}:$PYTHONPATH && python -m pytest -p no:cacheprovider -rA'
-        f' -k a_custom_tag_file_is_served {tmp_path}/{BRIDGE}/test',
+        f' -k a_custom_tag_file_is_served {tmp_path}/{BRIDGE}/test/test_start_up.py',
     )
     assert '1 passed' in printed

@@ -91,6 +91,8 @@ def inputs(tmp_path_factory):
     (folder / 'readings.csv').write_text(f'{HEADER}\n{row}\n', encoding='utf-8')
     pairs = {tag_id: (tag.x, tag.y) for tag_id, tag in find_layout('').tags.items()}
     (folder / 'pairs.json').write_text(json.dumps(pairs), encoding='utf-8')
+    tags = {'tags': {'1': {'x': 1.0, 'y': 0.0, 'sensors': ['co2']}}, 'tables': {}}
+    (folder / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     return folder
 
 
@@ -122,11 +124,12 @@ def test_an_output_that_takes_nothing_is_one_line_with_an_exit_code_of_its_own(
 
 
 @pytest.mark.parametrize('encoding', ['ascii', 'latin-1'])
-def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(monkeypatch, encoding):
+def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(inputs, monkeypatch, encoding):
     monkeypatch.setenv('PYTHONIOENCODING', encoding)
     monkeypatch.setenv('PYTHONUTF8', '0')
     (path,) = (each for each in EXECUTABLES if each.name == 'approach_poses')
-    ended = subprocess.run([path], capture_output=True, check=True)
+    command = [str(path), '--tag-file', str(inputs / 'tags.json')]
+    ended = subprocess.run(command, capture_output=True, check=True)
     assert 'yaw (°)'.encode() in ended.stdout
     printed = []
 
@@ -134,5 +137,5 @@ def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(monkeypatch, encod
         printed.append(os.read(terminal, 65536))
         return printed[-1]
 
-    assert pty.spawn([str(path)], read) == 0
+    assert pty.spawn(command, read) == 0
     assert 'yaw (°)'.encode(encoding, 'replace') in b''.join(printed)

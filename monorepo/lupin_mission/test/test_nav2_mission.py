@@ -1,5 +1,6 @@
 """The real mission node with Nav2's action: what ends it stops the robot, and what fails is reported."""
 
+import functools
 import gc
 import importlib.util
 import json
@@ -15,7 +16,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
 from lupin_greenhouse_bridge.planning.registration import Transform
-from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission import nav2_drive, planner, tags
 from lupin_mission.announcer import Announcer
@@ -33,6 +34,31 @@ pytestmark = pytest.mark.skipif(
 NAME = '/held/navigate_to_pose'
 NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1, 'map_topic': "''"}
 WITH_MAP = {**NAV2, 'map_topic': '/held/map'}
+# A plan of it takes a tenth of the time of the shipped one. A large robot does not get to tag 13, between the
+# tables.
+LAYOUT = Layout(
+    {
+        **{tag_id: Tag(x, 1.0, ['co2']) for tag_id, x in (('1', 0.5), ('2', 1.5), ('3', 2.5), ('29', 3.5))},
+        '7': Tag(3.0, 1.0, ['co2']),
+        '13': Tag(2.0, 1.5, ['co2']),
+    },
+    {'south': (0.0, 1.0, 4.0, 1.5), 'north': (0.0, 2.0, 4.0, 2.5)},
+)
+
+
+def write_layout(path, tags, tables):
+    """Write a tag file; return its path."""
+    edges = {name: dict(zip(('x0', 'y0', 'x1', 'y1'), each, strict=True)) for name, each in tables.items()}
+    document = {'tags': {tag_id: tag._asdict() for tag_id, tag in tags.items()}, 'tables': edges}
+    path.write_text(json.dumps(document), encoding='utf-8')
+    return path
+
+
+@pytest.fixture(autouse=True)
+def shipped_layout(tmp_path, monkeypatch):
+    """Let this layout be that of the simulator."""
+    path = write_layout(tmp_path / 'tag_locations.json', LAYOUT.tags, LAYOUT.tables)
+    monkeypatch.setattr(tags, 'shipped_file', lambda _name: path)
 
 
 @pytest.fixture
@@ -43,10 +69,10 @@ def navigator(held_navigator, monkeypatch):
     return held_navigator(NAME)
 
 
+@functools.cache
 def goals_of(**parameters):
-    """Return the goals in the shipped layout by tag id, and the reasons of the other tags."""
-    layout = read_layout(shipped_file('tag_locations.json'))
-    plan = Plan(layout, Settings(drive='nav2', **parameters), Transform())
+    """Return the goals in the layout by tag id, and the reasons of the other tags."""
+    plan = Plan(LAYOUT, Settings(drive='nav2', **parameters), Transform())
     return plan.goals, plan.unreachable
 
 
@@ -184,12 +210,10 @@ def test_without_a_map_the_log_says_around_what_the_poses_are_planned(
 @pytest.fixture
 def yard(tmp_path):
     """Return the parameters of a layout: tag 3 is in a yard whose entrance is too narrow; 1 and 2 are not."""
-    edges = {'s': (0, 0, 3, 0.5), 'n': (0, 3, 3, 3.5), 'w': (0, 0.5, 0.5, 3), 'e': (2.5, 0.5, 3, 2.9)}
-    tables = {name: dict(zip(('x0', 'y0', 'x1', 'y1'), each, strict=True)) for name, each in edges.items()}
+    tables = {'s': (0, 0, 3, 0.5), 'n': (0, 3, 3, 3.5), 'w': (0, 0.5, 0.5, 3), 'e': (2.5, 0.5, 3, 2.9)}
     places = {'1': (0.5, 0.0), '2': (2.5, 0.0), '3': (1.5, 0.5)}
-    tags = {tag_id: {'x': x, 'y': y, 'sensors': ['co2']} for tag_id, (x, y) in places.items()}
-    tag_file = tmp_path / 'yard.json'
-    tag_file.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
+    tags = {tag_id: Tag(*place, ['co2']) for tag_id, place in places.items()}
+    tag_file = write_layout(tmp_path / 'yard.json', tags, tables)
     return {**NAV2, 'tag_locations_file': str(tag_file), 'walls': '"-1.6 -1.6 4.6 5.1"', 'dock_pose': '[]'}
 
 
