@@ -103,7 +103,7 @@ function write_head() {
   const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
   const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
-  document.querySelector('h1').textContent = ['Greenhouse readings', ...when].filter(Boolean).join(', ');
+  mark(document.querySelector('h1'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
   const parts = [...data.counts.map(([text]) => text), data.greenhouse_times].filter(Boolean);
   write_pieces(element('counts'), parts, number => data.counts[number]?.[1]);
   write_pieces(element('file'), [data.title, `times in ${zone}`, data.speed].filter(Boolean));
@@ -152,8 +152,8 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
   * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
 
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
-// this line, and in which ring of places the box is. If it must, a label may cross the `route`, and may be nearer
-// to another of the `dots`.
+// this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, and may
+// be nearer to another of the `dots`.
 function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
@@ -175,7 +175,7 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
       const cost = 99 * covered + shared_with(box, steps)
         + (0.2 * far + 0.3 * is_misread + 0.01 * number) * area;
-      if (cost < best.cost) best = { cost, box, covered, leader, far };
+      if (cost < best.cost) best = { cost, box, covered, leader, has_leader: far > 0 || is_misread };
     });
   }
   return best;
@@ -196,12 +196,12 @@ const draw_leader = (parent, x1, y1, x2, y2) =>
 
 // Labels a dot, and returns its text. A label without a free place is shown if its tag is chosen.
 function label_dot(group, x, y, radius, width, boxes, name, text) {
-  const { box, covered, leader, far } = place_label(x, y, radius, width, boxes), is_spare = covered > 1;
+  const { box, covered, leader, has_leader } = place_label(x, y, radius, width, boxes), is_spare = covered > 1;
   if (!is_spare) {
     boxes.taken.push(box, ...leader);
     const [left, top, right, bottom] = box;
     boxes.route.push([left - SPACE, top + 4, right + SPACE, bottom - 4]);  // no other label, if it can
-    if (far) draw_leader(group, x, y, clamp(x, left, right), clamp(y, top, bottom));
+    if (has_leader) draw_leader(group, x, y, clamp(x, left, right), clamp(y, top, bottom));
   }
   return write_in(group, box, is_spare ? `${name} spare` : name, text);
 }
@@ -265,7 +265,8 @@ function draw_map() {
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
-    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)), dots,
+    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+    dots: [...dots, ...stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))],
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
@@ -379,6 +380,8 @@ const columns = [
     ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
 ];
 
+const asides = columns.filter(column => column.is_aside);
+
 function write_table() {
   const table = document.querySelector('table'), head = mark(mark(table, 'thead'), 'tr');
   const choice = document.querySelector('#sort select');
@@ -395,6 +398,8 @@ function write_table() {
     for (const arrow of '↑↓') mark(choice, 'option', {}, `${column.name} ${arrow}`).sort = () => sort(arrow === '↓');
   }
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
+  if (failure_words.length) document.querySelector('#sort span').textContent = 'not read first, then by';
+  if (asides.length === 1) element('aside').textContent = `at the right: ${asides[0].name} ${asides[0].unit ?? ''}`;
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
   data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
@@ -411,7 +416,8 @@ function write_row(body, tag) {
   const shown = columns.filter(({ name }, n) => n && (tag.outcome === 'read' || name === 'attempts'));
   if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, tag.outcome);
   for (const { name, unit, key, text, is_aside } of shown) {
-    const told = { class: is_aside ? 'number aside' : 'number', 'data-name': name, 'data-unit': is_aside ? '' : unit };
+    const told = is_aside ? { class: 'number aside', 'data-name': asides.length > 1 ? name : '' }
+      : { class: 'number', 'data-name': name, 'data-unit': unit };
     mark(tag.row, 'td', told, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
@@ -452,7 +458,7 @@ function day_span() {
 function time_axis(width) {
   const is_wall = state.clock === 'wall', [first, last] = is_wall ? data.span_ms : day_span();
   const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 48), 1);
   const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
   const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
@@ -510,16 +516,18 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
   }
   for (const at of times.ticks) {
     mark(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
-    write(svg, x(at), height - 8, times.text(at), 'middle');
+    write(svg, Math.min(x(at), width - width_of(times.text(at)) / 2), height - 8, times.text(at), 'middle');
   }
   const lines = sensor.lines.map(line => {
     const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low = value, high = value]) => {
       const at = times.ms_of(offset);
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     }).sort((one, other) => one.at - other.at);
-    return { points, text: end_text(sensor, tag), group: draw_line(svg, tag, points, is_marked(sensor, tag)) };
+    const is_bold = is_marked(sensor, tag);
+    return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
   });
-  label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels, right + 14);
+  lines.sort((one, other) => other.is_bold - one.is_bold);  // which have labels first
+  label_lines(lines, [left, 0, right, y(values.bottom)], labels, right + 14);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
   place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
@@ -560,7 +568,7 @@ function column_of(sensor, height) {
   const texts = lines.map(line => end_text(sensor, data.tags[line.tag]));
   const count = texts.length > MOST_LABELLED ? 1 : Math.ceil(texts.length * LINE_STEP / (height - 34));
   const widest = Math.min(Math.max(...texts.map(width_of), 14), 80) + 6;
-  return { count, widest, width: 14 + Math.max(count, 1) * widest, low: 8, high: height - 26 };
+  return { count, widest, width: count ? 14 + count * widest : 6, low: 8, high: height - 26 };
 }
 
 // Returns the nearest places to these, in their order, which are this far apart and within the limits.
@@ -663,6 +671,7 @@ const page_style = document.documentElement.style;
 page_style.setProperty('--colours', data.colours);
 page_style.setProperty('--file', JSON.stringify(data.title));
 page_style.setProperty('--aspect', aspect);
+page_style.setProperty('--sensors', data.sensors.length);
 document.body.classList.toggle('tall', aspect < 1);
 document.body.classList.toggle('lone', data.sensors.length === 1);
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
