@@ -76,14 +76,17 @@ def run_camera(run_nodes):
     return run
 
 
-@pytest.mark.parametrize('source', ['image', 'compressed', 'detections'])
-def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera, source, capfd):
+@pytest.mark.parametrize(
+    ('source', 'tag_ids'),
+    [('image', ['7', '587', 'seven', '586', '']), ('compressed', ['7', '']), ('detections', ['7', ''])],
+)
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera, source, tag_ids, capfd):
     node, reason = run_camera(publishes=source, source=source)
     assert (
         f'ready: /{TOPICS[source]} shows the tag that is named on /mission/at_tag' in capfd.readouterr().err
     )
     at_tag = node.create_publisher(String, '/mission/at_tag', latched())
-    for tag_id in ('7', '587', 'seven', '586', ''):
+    for tag_id in tag_ids:
         at_tag.publish(String(data=tag_id))
         if tag_id in ('7', '586'):
             wait_until(lambda tag_id=tag_id: reason(tag_id) == '')
