@@ -39,7 +39,7 @@ NO_CONNECTION = re.compile(
     'ProxyError|NewConnectionError|NameResolutionError|ConnectTimeout|Network is unreachable'
 )
 DISTROS = ('kilted', 'jazzy')
-NEEDED_MB = 900
+NEEDED_MB = 1200
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 

@@ -141,7 +141,7 @@ def test_a_folder_in_which_nothing_can_be_built_is_refused(refusal, character):
 
 def test_a_full_disk_is_named(refusal, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, 'disk_usage', lambda _folder: shutil._ntuple_diskusage(1, 1, 9e6))
-    assert refusal() == f'environment: {tmp_path} has 9 MB free: make room for 900 MB'
+    assert refusal() == f'environment: {tmp_path} has 9 MB free: make room for 1200 MB'
 
 
 @pytest.mark.parametrize(
