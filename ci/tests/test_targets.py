@@ -201,6 +201,7 @@ def test_a_page_is_made_of_one_file_whose_name_may_have_a_space_or_of_several(re
 def test_a_switch_is_off_with_0_and_on_with_1():
     for off in ('DRIVE=0 CAMERA=no WORLD=off', 'DRIVE=False CAMERA= WORLD=0'):
         shown = make('mission', '--dry-run', *off.split()).stdout
+        assert '/inspection' in shown  # it is not refused
         assert not re.search('--(drive|camera|world|drake)', shown)
     for on in ('DRIVE=1 CAMERA=yes WORLD=On', 'DRIVE=TRUE CAMERA=1 WORLD=1'):
         assert '--camera image --world --drive' in make('mission', '--dry-run', *on.split()).stdout
