@@ -75,7 +75,7 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
         'Tag 7 timeout: no reply before the timeout',
         'Tag unknown unknown tag: no such tag',
     } <= set(texts)
-    counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n'
+    counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n'
     assert counts in '\n'.join(texts)
 
 
@@ -226,11 +226,17 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     assert axes.get_ylim()[0] < -3.5
 
 
-def test_no_label_lies_on_a_dot_or_on_another_label(shipped_tags, drawn):
-    """In the shipped greenhouse, with a value of every sensor of every tag."""
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, drawn):
+    """In the shipped greenhouse, with a route and a value of every sensor of every tag."""
+    (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0.5\n3.0,0.5\n3.0,7.5\n', encoding='utf-8')
     visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], 1234.5)) for tag_id, tag in shipped_tags.items()]
     figure = drawn(*visits)
-    figure.draw_without_rendering()
+    renderer = pytest.importorskip('matplotlib.backends.backend_agg').FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    head, foot, key = (each.get_window_extent(renderer) for each in (*figure.artists, *figure.legends))
+    assert foot.y1 < key.y0 < key.y1 < head.y0
+    assert foot.x0 == pytest.approx(head.x0)
+    assert {text.get_text() for text in figure.axes[0].texts} > set(shipped_tags)
     for axes in (axes for axes in figure.axes if axes.texts):
         boxes = [text.get_window_extent() for text in axes.texts]
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))

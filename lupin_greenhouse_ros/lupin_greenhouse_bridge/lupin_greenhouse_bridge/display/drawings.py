@@ -171,13 +171,13 @@ def write_labels(
     return [Box(*place, *each[1:]) for place, each in zip(places, sized, strict=True)]
 
 
-def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **style: Any) -> None:
-    """Write what each mark means: below the axes or the figure, if the style has no other place."""
+def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **style: Any) -> Any:
+    """Write what each mark means: below the axes or the figure, if the style has no place; return the key."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], **{**mark, 'label': label}) for label, mark in marks]
     place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, 0.0), 'frameon': False}
-    owner.legend(handles=handles, ncol=columns, **{**place, **style})
+    return owner.legend(handles=handles, ncol=columns, **{**place, **style})
 
 
 def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:

@@ -22,7 +22,8 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
-DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
+DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.25, 0.15, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
+POINTS, SMALL = 8.0, 7.0  # of the labels, and of the ids beside the route
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
@@ -101,8 +102,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor])
     has_rings = any(line.get_label() == RINGS for axes in panels for line in axes.lines)
-    _write_key(figure, empty_cell, shown, has_rings)
-    _write_head(figure, path.name, rows, failures, shown)
+    key = _write_key(figure, empty_cell, shown, has_rings)
+    _write_texts(figure, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
@@ -137,8 +138,9 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     if route:
         drawings.draw_path(axes, route)
         drawings.show_all(axes, shown.layout, shown.walls, route)
-    dot_m, gap_m = shown.scale * DOT_M, shown.scale * GAP_M
-    dots = {tag_id: Box(*tag[:2], dot_m, dot_m) for tag_id, tag in tags.items()}
+    gap_m = shown.scale * GAP_M
+    sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
+    dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
     has_one_word = len(set(failed.values())) == 1  # which the key tells
     labels = [
         (tag_id if has_one_word else f'{tag_id} {word}', dots[tag_id], colours.FAILED)
@@ -148,7 +150,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
-    _write_labels(axes, labels, [*dots.values(), *way, *tables], shown)
+    taken = [*dots.values(), *way, *tables]
+    taken += _write_labels(axes, labels, taken, shown)
+    ids = [(tag_id, dot, '0.35') for tag_id, dot in dots.items() if tag_id not in failed]
+    _write_labels(axes, ids, taken, shown, SMALL)
     _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags], 60)
 
 
@@ -187,14 +192,16 @@ def _write_title(axes: Any, title: str, more: str) -> None:
     axes.annotate(more, (0.5, 1), (0, 25), ha='center', va='top', **style).set_in_layout(False)
 
 
-def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse) -> None:
+def _write_labels(
+    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse, points: float = POINTS
+) -> list[Box]:
     """Write labels with a white outline, so that no line touches them."""
     from matplotlib.patheffects import withStroke
 
-    size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
+    size, bounds = LABELS.times(shown.scale * points / POINTS), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': 8, 'path_effects': outline, 'zorder': 4}
-    drawings.write_labels(axes, labels, size, taken, bounds, **style)
+    style: Style = {'fontsize': points, 'path_effects': outline, 'zorder': 4}
+    return drawings.write_labels(axes, labels, size, taken, bounds, **style)
 
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
@@ -208,8 +215,8 @@ def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str], size: float)
     axes.scatter([x for x, _ in places], [y for _, y in places], **style)
 
 
-def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool) -> None:
-    """Write what each mark means into an empty cell, or else below the panels."""
+def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool) -> Any:
+    """Write what each mark means into an empty cell, or else below the panels; return the lowest artist."""
     marks: list[tuple[str, Style]] = [
         ('wall', {'color': 'black', 'linewidth': 0.9}),
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
@@ -227,20 +234,18 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool)
     if empty_cell:
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, **place)
-    else:
-        drawings.write_key(figure, marks, columns=3)
+        return figure.patch
+    return drawings.write_key(figure, marks, columns=3)
 
 
 def _time_text(form: str, row: Row) -> str:
     return time.strftime(form, time.localtime(row.stamp_ns / 1e9))
 
 
-def _write_head(
-    figure: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
+def _write_texts(
+    figure: Any, key: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
 ) -> None:
-    """Write above the panels whether it worked, what failed and why, and where the readings are from."""
-    from matplotlib.offsetbox import AnnotationBbox, TextArea, VPacker
-
+    """Write above the panels what was read, what failed and why, and when; and below the key the rest."""
     drawn = sorted(
         (row for each in shown.readings.values() for row in each.values()), key=lambda r: r.stamp_ns
     )
@@ -251,31 +256,42 @@ def _write_head(
     headline = [
         (f'{len(shown.readings)} of {len(shown.layout.tags)} tags read', 'black'),
         *((f'{count} {word}', colours.FAILED) for word, count in summary.failure_counts(failures).items()),
-        (' to '.join(clocks) + duration, 'black'),
-        (summary.greenhouse_times(between), 'black'),
     ]
     width = figure.get_figwidth() * CHARACTERS
-    lines = _lines_of(headline, width, {'fontsize': 12, 'fontweight': 'bold'})
+    lines = _lines_of(headline, width, {'fontsize': 14, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
-        style: Style = {'fontsize': 11, 'color': colours.FAILED}
-        lines += [TextArea(part, textprops=style) for part in textwrap.wrap(text, int(width / 11))]
-    origin = [escaped(name, 64), _time_text('%d %b %Y, times in %Z', last), summary.speed_text(rows)]
-    lines += _lines_of([(text, '0.35') for text in origin if text], width, {'fontsize': 10})
-    if len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1:
-        lines += _lines_of([(summary.SEVERAL_TIMES, '0.35')], width, {'fontsize': 10})
-    at: Style = {'xycoords': figure.transFigure, 'box_alignment': (0.5, 0), 'frameon': False, 'pad': 0}
-    head, above = VPacker(children=lines, align='center', pad=0, sep=4), 12 / 72 / figure.get_figheight()
-    figure.add_artist(AnnotationBbox(head, (0.5, 1.0 + above), **at))
+        parts = textwrap.wrap(text, int(width / 11))
+        lines += [
+            line for part in parts for line in _lines_of([(part, colours.FAILED)], width, {'fontsize': 11})
+        ]
+    when = _time_text('%d %b %Y, ', last) + ' to '.join(clocks) + _time_text(' %Z', last) + duration
+    lines += _lines_of(
+        [(summary.greenhouse_times(between), 'black'), (when, 'black')], width, {'fontsize': 11}
+    )
+    above = 12 / 72 / figure.get_figheight()
+    _write_lines(figure, lines, (0.0, 1.0 + above), figure.transFigure, (0, 0))
+    has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
+    rest = [summary.SEVERAL_TIMES * has_times, summary.speed_text(rows), escaped(name, 64)]
+    lines = _lines_of([(text, '0.35') for text in rest if text], width, {'fontsize': 9})
+    _write_lines(figure, lines, (0.0, 0.0), (figure.transFigure, key), (0, 1.2))
+
+
+def _write_lines(figure: Any, lines: list[Any], place: Point, of: Any, corner: tuple[float, float]) -> None:
+    """Write lines below each other, with a corner of them at a place."""
+    from matplotlib.offsetbox import AnnotationBbox, VPacker
+
+    at: Style = {'xycoords': of, 'box_alignment': corner, 'frameon': False, 'pad': 0}
+    figure.add_artist(AnnotationBbox(VPacker(children=lines, align='left', pad=0, sep=4), place, **at))
 
 
 def _lines_of(parts: list[tuple[str, str]], width: float, style: Style) -> list[Any]:
     """Return texts, each given with its colour, with dots between them in lines of this width."""
     from matplotlib.offsetbox import HPacker, TextArea
 
-    lines = [parts[:1]]
+    lines, most = [parts[:1]], (0.9 if 'fontweight' in style else 1.03) * width / style['fontsize']
     for part in parts[1:]:
-        if sum(len(text) + 3 for text, _ in [*lines[-1], part]) > 0.9 * width / style['fontsize']:
+        if sum(len(text) + 3 for text, _ in [*lines[-1], part]) > most:
             lines.append([])
         lines[-1] += [('·', parts[0][1])] * bool(lines[-1]) + [part]
     packed = []
