@@ -420,8 +420,8 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
         assert 0 < boxes[1280]['#bar']['top'] < boxes[1280]['#map']['bottom'] <= height
         assert boxes[2560]['#charts']['top'] == boxes[2560]['#table']['top']
         assert boxes[2560]['#charts']['right'] > 2500
-        page.resize(2560, 1440)
-        page.wait_for(f'innerHeight === 1440 && {IS_DRAWN}')
+        page.set_viewport_size({'width': 2560, 'height': 1440})
+        wait_for(page, f'innerHeight === 1440 && {IS_DRAWN}')
         assert page.evaluate('document.documentElement.scrollHeight') == 1440  # nothing is below the window
     assert page.evaluate('parseFloat(getComputedStyle(document.body).fontSize)') > 18
 
