@@ -51,14 +51,10 @@ def styles_of(greenhouse: Greenhouse) -> dict[Subset, drawings.Style]:
     frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
     palette, styles = iter(SUBSET_COLOURS), {}
     for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
+        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
         colour = next(palette) if subset in frequent else OTHER
-        styles[subset] = mark(shape_of(len(subset)), colour)
+        styles[subset] = mark(shape, colour)
     return styles
-
-
-def shape_of(count: int) -> str:
-    """Return the shape of a tag with this many sensors."""
-    return SHAPES[min(count, len(SHAPES)) - 1]
 
 
 def mark(shape: str, colour: str) -> drawings.Style:
@@ -239,8 +235,8 @@ def write_key(figure: Figure, greenhouse: Greenhouse, tag_ids: list[str], column
     marks = [(each, style) for each, style in styles_of(greenhouse).items() if each in exposed]
     rows: list[list[tuple[str, drawings.Style]]] = []
     for count, group in itertools.groupby(marks, lambda each: len(each[0])):
-        heading = pluralized(count, 'sensor'), mark(shape_of(count), 'none')
         row = [(''.join(subset), style) for subset, style in group]
+        heading = pluralized(count, 'sensor'), row[0][1] | {'color': 'none'}
         starts = range(0, len(row), columns)
         rows += [[EMPTY if at else heading, *row[at : at + columns]] for at in starts]
     rows.append([('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']]))])

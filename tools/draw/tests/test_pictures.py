@@ -23,7 +23,7 @@ from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.colors import to_rgb
 from matplotlib.contour import ContourSet
-from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patches import Circle, Rectangle, RegularPolygon
 from matplotlib.path import Path as Line
 from matplotlib.text import Text
 from PIL import Image
@@ -320,9 +320,10 @@ def discs_of(axes) -> list[Circle]:
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     assert [each.radius for each in discs_of(axes)] == [simulated.ViewingLimits().robot_radius_m] * len(tags)
-    noses = [each.get_xy()[:3] for each in axes.patches if isinstance(each, Polygon)]
-    for disc, (tip, *base) in zip(discs_of(axes), noses, strict=True):
-        heading = math.atan2(*(tip - np.mean(base, axis=0))[::-1])
+    noses = [each for each in axes.patches if isinstance(each, RegularPolygon)]
+    for disc, nose in zip(discs_of(axes), noses, strict=True):
+        heading = math.atan2(nose.xy[1] - disc.center[1], nose.xy[0] - disc.center[0])
+        assert math.remainder(nose.orientation + math.pi / 2 - heading, math.tau) == pytest.approx(0.0)
         headings = [math.atan2(tag['y'] - disc.center[1], tag['x'] - disc.center[0]) for tag in tags.values()]
         assert min(abs(math.remainder(each - heading, math.tau)) for each in headings) < 1e-6
     assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))

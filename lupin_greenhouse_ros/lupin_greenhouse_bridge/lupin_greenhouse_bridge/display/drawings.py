@@ -39,7 +39,7 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-NOSE, NOSE_DEGREES = 1.5, 45.0  # of the robot: how far it reaches in radii, and where it leaves the disc
+NOSE, NOSE_RADIUS = 0.8, 0.75  # of the robot: where its triangle is and how large, in radii
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
@@ -212,16 +212,12 @@ def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -
 
 def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
     """Draw the disc of the robot to scale, over its path, with a nose at its heading under every disc."""
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Circle, RegularPolygon
 
-    heading, aside = pose.yaw, math.radians(NOSE_DEGREES)
-    corners = ((NOSE, heading), (1.0, heading + aside), (1.0, heading - aside))
-    points = [
-        (pose.x + share * radius_m * math.cos(angle), pose.y + share * radius_m * math.sin(angle))
-        for share, angle in corners
-    ]
     style: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white'}
-    axes.add_patch(Polygon(points, **style, zorder=1.65))
+    middle = pose.x + NOSE * radius_m * math.cos(pose.yaw), pose.y + NOSE * radius_m * math.sin(pose.yaw)
+    size, turned = NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
+    axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **style, zorder=1.65))
     axes.add_patch(Circle(pose[:2], radius_m, **style, zorder=1.7))
 
 
