@@ -172,7 +172,7 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
-      const cost = 99 * covered + shared_with(box, steps)
+      const cost = 99 * covered + 9 * shared_with(box, steps)
         + (0.2 * far + 0.3 * is_misread + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, has_leader: far > 0 || is_misread };
     });
@@ -272,7 +272,11 @@ function draw_map() {
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
   }
-  dots.sort((one, other) => other.urgency - one.urgency).forEach(dot => draw_tag(svg, dot, boxes));
+  // Of labels that are equally urgent, the first are those beside the route, which have the least room.
+  const crowd = dot => boxes.route.filter(box => common(around(dot.x, dot.y, 66, 40), box) > 0).length;
+  const crowds = new Map(dots.map(dot => [dot, crowd(dot)]));
+  dots.sort((one, other) => other.urgency - one.urgency || crowds.get(other) - crowds.get(one));
+  for (const dot of dots) draw_tag(svg, dot, boxes);
   const unlabelled = svg.querySelectorAll('.spare').length;
   element('unlabelled').textContent = unlabelled ? `${unlabelled} ${NO_ROOM}` : '';
   // A finger is larger than a dot.
