@@ -116,7 +116,7 @@ def test_the_table_of_readings_has_these_columns(example, tmp_path):
 def test_the_report_has_these_keys_and_outcomes(example):
     visits = read_file(example('report.jsonl')).visits
     assert [(each.outcome, each.seen, each.drive) for each in visits] == [
-        ('OK', True, ''),
+        ('OK', None, 'simulated'),
         ('UNKNOWN_TAG', None, 'simulated'),
     ]
     described = dict(table('report.jsonl', 2))
