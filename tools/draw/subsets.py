@@ -119,7 +119,7 @@ def draw_reading(
     if tag_id not in found.poses:
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
-    drawings.draw_robot(axes, pose, radius_m)
+    drawings.draw_robot(axes, pose, radius_m, {'facecolor': colours.ROUTE, 'edgecolor': 'white'})
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
     ray = {'color': pyplot.rcParams['text.color'], 'linestyle': drawings.DASHED, 'zorder': 1.6}

@@ -267,18 +267,20 @@ def test_the_letters_of_sensors_are_the_start_of_their_names():
 def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     written = [text for text in axes.texts if text.get_text()]
-    ids = [text for text in written if text.get_color() == 'black']
+    ids = [text for text in written if text.get_color() == figure.colours.TAG_ID]
     stops = [text for text in written if text.get_text()[0].isdigit() and text not in ids]
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
-    told = [int(number) for stop in stops for number in stop.get_text().split()]
-    assert sorted(told) == list(range(1, len(tags) + 1))
+    assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
     assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
     ends_of_sights = {tuple(line.get_xydata()[-1]) for line in lines if line.get_linestyle() == '--'}
     assert ends_of_sights == {(tag['x'], tag['y']) for tag in tags.values()}
+    noses = [each for each in axes.patches if isinstance(each, RegularPolygon)]
+    sights = [line for line in lines if line.get_linestyle() == '--']
+    assert min(each.zorder for each in [*noses, *sights]) > max(disc.zorder for disc in discs_of(axes))
     boxes = [text.get_window_extent() for text in written]
-    frames = [text.get_window_extent().padded(3) for text in stops]
+    frames = [text.get_window_extent() for text in stops]
     for extents in (boxes, frames):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(extents, 2))
     edge = axes.patches[0].get_window_extent()
@@ -292,7 +294,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
-def test_the_number_of_each_stop_is_in_its_disc_or_has_a_line_to_it(radius_m):
+def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_to_it(radius_m):
     greenhouse = simulated.Greenhouse('', '')
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
     limits = simulated.ViewingLimits(robot_radius_m=radius_m)
@@ -302,15 +304,18 @@ def test_the_number_of_each_stop_is_in_its_disc_or_has_a_line_to_it(radius_m):
     (axes,) = drawing.axes
     width = figure.drawings.LEADER_POINTS
     lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == width]
-    for text in (each for each in axes.texts if each.get_color() == 'white'):
-        corners = axes.transData.inverted().transform(text.get_window_extent().corners())
-        for number in text.get_text().replace(',', '').split():
-            stop = approaches.poses[tag_ids[int(number) - 1]][:2]
-            is_inside = np.linalg.norm(corners - stop, axis=1).max() < radius_m
-            ends = [end for start, end in lines if tuple(start) == text.get_position()]
-            assert is_inside or (
-                radius_m < 0.2 and any(math.dist(end, stop) == pytest.approx(radius_m) for end in ends)
-            )
+    for text in (each for each in axes.texts if each.get_text()[:1].isdigit()):
+        if text.get_color() == figure.colours.TAG_ID:
+            continue
+        for number in text.get_text().split(', '):
+            pose, place = approaches.poses[tag_ids[int(number) - 1]], text.get_position()
+            ends = [end for start, end in lines if tuple(start) == place]
+            ahead_m = math.dist(place, pose[:2])
+            if radius_m < 0.2:
+                assert any(math.dist(end, pose[:2]) == pytest.approx(radius_m) for end in ends)
+            else:
+                assert place == pytest.approx(figure.drawings.ahead_of(pose, ahead_m))
+                assert ahead_m < 2 * radius_m
 
 
 def discs_of(axes) -> list[Circle]:
@@ -319,9 +324,11 @@ def discs_of(axes) -> list[Circle]:
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
-    assert [each.radius for each in discs_of(axes)] == [simulated.ViewingLimits().robot_radius_m] * len(tags)
+    radius_m = simulated.ViewingLimits().robot_radius_m
+    robots = [each for each in discs_of(axes) if each.radius == radius_m]
     noses = [each for each in axes.patches if isinstance(each, RegularPolygon)]
-    for disc, nose in zip(discs_of(axes), noses, strict=True):
+    assert len(robots) == len(tags)
+    for disc, nose in zip(robots, noses, strict=True):
         heading = math.atan2(nose.xy[1] - disc.center[1], nose.xy[0] - disc.center[0])
         assert math.remainder(nose.orientation + math.pi / 2 - heading, math.tau) == pytest.approx(0.0)
         headings = [math.atan2(tag['y'] - disc.center[1], tag['x'] - disc.center[0]) for tag in tags.values()]

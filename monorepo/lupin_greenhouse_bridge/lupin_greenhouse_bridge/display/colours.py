@@ -14,6 +14,7 @@ STOPS = (  # of this map
     *('#bddf26', '#fde725'),
 )
 ROUTE, FAILED, SIGHT = '#3d6fa8', '#b3261e', '0.4'
+TAG_ID = '0.35'
 OBSTACLE, UNKNOWN_PART = '#e69f00', '0.7'  # in the map of the room
 TABLE = '#e3e6ea'  # without an edge, which would cross the labels
 SMALLEST_SPAN = 0.1  # of colours without a range in the config

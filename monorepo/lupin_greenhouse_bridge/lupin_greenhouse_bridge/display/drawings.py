@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.display.placing import (
     Box,
     Point,
     arrows_along,
+    arrows_between,
     box_of,
     ends_of_path,
     length_m,
@@ -39,7 +40,7 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-NOSE, NOSE_RADIUS = 0.8, 0.75  # of the robot: where its triangle is and how large, in radii
+NOSE, NOSE_RADIUS = 0.87, 0.4  # of the robot: where its triangle is and how large, in radii
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
@@ -56,7 +57,7 @@ TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
 # In the key, as the next one.
 ROBOT = point_style('$❼▸$', colours.ROUTE, 17, markeredgewidth=0)
-TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
+TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 
 
 class LabelSize(NamedTuple):
@@ -81,14 +82,9 @@ class LabelSize(NamedTuple):
 
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
-DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number in a robot's disc
-NUMBER_IN_DISC: Style = {
-    'color': 'white',
-    'weight': 'bold',
-    'size': 0.9 * POINTS,
-    'linespacing': 0.9,
-    **CENTRED,
-}
+DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number at a robot's centre
+SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}22', 'edgecolor': colours.ROUTE, 'linewidth': 0.9}
+NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -196,29 +192,34 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
     return axes.figure.colorbar(values, cax=place, **more, **style)
 
 
-def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
-    """Draw a thin path from a circle to a square, with its marks and arrows where none of these boxes is."""
+def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box] = ()) -> None:
+    """Draw a thin path from a circle to a square, with its marks and arrows where none of these stops is."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
-    style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
+    head = '-|>,head_width=0.15,head_length=0.5'
+    style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
     every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
-    for x, y, heading in arrows_along(points, every_m, taken):
-        tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
+    for x, y, heading in arrows_between(points, stops) if stops else arrows_along(points, every_m):
+        tip = x + 0.03 * math.cos(heading), y + 0.03 * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
-    middles = [each[:2] for each in taken]
+    middles = [each[:2] for each in stops]
     for marker, place in (('o', points[0]), ('s', points[-1])):
         if place not in middles:
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
-def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
-    """Draw the disc of the robot to scale, over its path, with a nose at its heading under every disc."""
+def draw_robot(axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH) -> None:
+    """Draw the disc of the robot to scale, and over every disc and line of sight a nose at its heading."""
     from matplotlib.patches import Circle, RegularPolygon
 
-    style: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white'}
-    middle = pose.x + NOSE * radius_m * math.cos(pose.yaw), pose.y + NOSE * radius_m * math.sin(pose.yaw)
-    size, turned = NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
-    axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **style, zorder=1.65))
-    axes.add_patch(Circle(pose[:2], radius_m, **style, zorder=1.7))
+    middle, size, turned = ahead_of(pose, NOSE * radius_m), NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
+    nose: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
+    axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **nose))
+    axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
+
+
+def ahead_of(pose: ApproachPose, distance_m: float) -> Point:
+    """Return the point at this distance from a robot at its heading."""
+    return pose.x + distance_m * math.cos(pose.yaw), pose.y + distance_m * math.sin(pose.yaw)
 
 
 def draw_route(
@@ -246,25 +247,30 @@ def draw_route(
     axes.set_ylabel('y (m)')
     counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
     axes.set_title(f'Where a robot stands to read each tag\n{counts}', fontsize=POINTS)
-    sights = [((pose.x, pose.y), layout.tags[tag_id][:2]) for tag_id, pose in poses.items()]
+    sights = {tag_id: (pose[:2], layout.tags[tag_id][:2]) for tag_id, pose in poses.items()}
     sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
-    for line in sights:
-        axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.4)
+    for line in sights.values():
+        axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.9)
     for pose in poses.values():
         draw_robot(axes, pose, robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     robots = [Box(*pose[:2], robot_m, robot_m) for pose in poses.values()]
     if route.points_m:
         draw_path(axes, route.points_m, robots)
-    points = [(x, y) for path in (*sights, route.points_m) for x, y, _ in steps_of(path, line_m)]
+    points = [(x, y) for path in (*sights.values(), route.points_m) for x, y, _ in steps_of(path, line_m)]
     taken = [*robots, *(Box(*point, line_m, line_m) for point in points)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
     taken += [dot for _, dot, _ in labels]
     bounds = box_of(walls)
+    stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
+    digits = DIGITS.times(scale).box(str(len(stops)))
+    has_room = math.hypot(*digits) < robot_m
+    if has_room:
+        taken += _write_numbers(axes, stops, robot_radius_m, digits)
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
-    taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
-    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
-    _write_numbers(axes, stops, robot_radius_m, scale, taken, bounds)
+    taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
+    if not has_room:
+        _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
@@ -280,22 +286,42 @@ def draw_route(
 
 
 def _write_numbers(
+    axes: Any,
+    stops: Sequence[tuple[ApproachPose, Sequence[Point]]],
+    radius_m: float,
+    digits: tuple[float, float],
+) -> list[Box]:
+    """
+    Write the number of each stop, given with its line of sight; return the boxes of those outside robots.
+
+    A number of this size is at the centre of its robot, or ahead where another's line of sight crosses it.
+    """
+    from matplotlib.patches import Circle
+    from matplotlib.patheffects import withStroke
+
+    disc_m, ahead_m, ahead = math.hypot(*digits) / 2, (NOSE + NOSE_RADIUS) * radius_m + digits[0] / 2, []
+    steps = [(x, y, n) for n, (_, line) in enumerate(stops) for x, y, _ in steps_of(line, disc_m / 4)]
+    points, outline = np.reshape(steps, (-1, 3)), [withStroke(linewidth=2.5, foreground='white')]
+    for number, (pose, _) in enumerate(stops):
+        is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
+        is_crossed = (is_near & (points[:, 2] != number)).any()
+        dot_m, place, style = disc_m, pose[:2], NUMBER
+        if is_crossed:
+            dot_m, place = disc_m / 4, ahead_of(pose, ahead_m)
+            style = {**NUMBER, 'color': colours.ROUTE, 'path_effects': outline}
+            ahead.append(Box(*place, *digits))
+        axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
+        axes.text(*place, str(number + 1), **style)
+    return ahead
+
+
+def _write_numbers_beside(
     axes: Any, stops: Sequence[Point], radius_m: float, scale: float, taken: Sequence[Box], bounds: Box
 ) -> None:
-    """Write the number of each stop into its disc, away from others, or beside it with a line."""
-    digits, numbers = DIGITS.times(scale), []
-    is_large = math.hypot(*digits.box('88')) < 2 * radius_m
-    groups = join_stops(stops, radius_m / 4 if is_large else scale * JOINED_M)
-    for text, group in groups.items():
-        lines, middle = text.replace(', ', '\n'), np.mean(group, axis=0)
-        spare_m = radius_m - math.hypot(*digits.box(lines)) / 2
-        if spare_m < 0.0:
-            numbers.append((text, Box(middle[0], middle[1], 2 * radius_m, 2 * radius_m), 'white'))
-            continue
-        others = [each for each in stops if each not in group and math.dist(each, middle) < 2 * radius_m]
-        away = np.sum([middle - each for each in others], axis=0) if others else np.zeros(2)
-        x, y = middle + spare_m * away / max(np.hypot(*away), 1e-9)
-        axes.text(x, y, lines, **NUMBER_IN_DISC, zorder=5)
+    """Write the numbers of stops beside small robots, each with a line to its robot."""
+    groups = join_stops(stops, scale * JOINED_M)
+    middles = {text: np.mean(group, axis=0) for text, group in groups.items()}
+    numbers = [(text, Box(x, y, 2 * radius_m, 2 * radius_m), 'white') for text, (x, y) in middles.items()]
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
     boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
     for box, (text, _, _) in zip(boxes, numbers, strict=True):
@@ -344,5 +370,6 @@ def _draw_tags(
     for tag_id, tag in layout.tags.items():
         mark, side_m = (UNREACHABLE, UNREACHABLE_M) if tag_id in unreachable else (TAG, TAG_M)
         axes.plot(*tag[:2], **mark, zorder=3)
-        labels.append((tag_id, Box(*tag[:2], scale * side_m, scale * side_m), mark['color']))
+        colour = colours.FAILED if tag_id in unreachable else colours.TAG_ID
+        labels.append((tag_id, Box(*tag[:2], scale * side_m, scale * side_m), colour))
     return labels

@@ -3,7 +3,7 @@
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,22 +93,27 @@ def steps_of(points: Sequence[Point], every_m: float) -> Iterator[tuple[float, f
         rest = at - leg_m
 
 
-def arrows_along(
-    points: Sequence[Point], every_m: float = ARROW_EVERY_M, taken: Collection[Box] = ()
-) -> list[tuple[float, float, float]]:
-    """Return x, y and heading of arrows along a path, where none of these boxes and no other arrow is."""
+def arrows_along(points: Sequence[Point], every_m: float = ARROW_EVERY_M) -> list[tuple[float, float, float]]:
+    """Return x, y and heading of arrows along a path, where no other arrow is."""
     arrows: list[tuple[float, float, float]] = []
     last = points[0] if points else (0.0, 0.0)  # a mark is at the start
-    taken = list(taken)
     for x, y, heading in steps_of(points, every_m / 8):
-        is_free = not any(
-            math.hypot(x - each.x, y - each.y) < (each.width + PATH_WIDTH_M) / 2 for each in taken
-        )
+        is_free = all(math.dist((x, y), each[:2]) >= (ARROW_M + PATH_WIDTH_M) / 2 for each in arrows)
         if is_free and math.dist((x, y), last) > every_m:
             arrows.append((x, y, heading))
             last = x, y
-            taken.append(Box(x, y, ARROW_M, ARROW_M))
     return arrows
+
+
+def arrows_between(points: Sequence[Point], stops: Sequence[Box]) -> list[tuple[float, float, float]]:
+    """Return x, y and heading in the middle of each leg of a path that has room for an arrow."""
+    steps, boxes, step_m = list(steps_of(points, ARROW_M / 8)), np.array(stops), ARROW_M / 8
+    places = np.reshape(steps, (-1, 3))[:, :2]
+    apart_m = np.hypot(*(places[:, None] - boxes[:, :2]).T).T
+    is_free = (apart_m > boxes[:, 2] / 2).all(axis=1)
+    groups = itertools.groupby(zip(steps, is_free, strict=True), lambda each: bool(each[1]))
+    legs = [list(leg) for is_leg, leg in groups if is_leg]
+    return [leg[len(leg) // 2][0] for leg in legs if len(leg) * step_m > ARROW_M]
 
 
 def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:
