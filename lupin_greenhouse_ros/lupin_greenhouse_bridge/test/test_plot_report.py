@@ -14,7 +14,7 @@ from conftest import visit, write_report
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
-from lupin_greenhouse_bridge.display.plot_report import main
+from lupin_greenhouse_bridge.display.plot_report import NOT_READ, main
 from lupin_greenhouse_bridge.display.summary import SEVERAL_TIMES, greenhouse_times, speed_text
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -91,9 +91,9 @@ def test_what_is_the_same_is_told_once(drawn):
 
 def test_the_tags_without_a_value_are_drawn_in_the_order_of_the_layout(report, drawn, shipped_tags):
     ways, temperature, _ = (axes for axes in drawn(file=report).axes if axes.lines)
-    for axes, others in ((ways, {'1', '5', '7'}), (temperature, {'1', '5'})):
+    for axes in (ways, temperature):
         (dots,) = (line for line in axes.lines if line.get_color() == '0.75')
-        left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in others]
+        left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in {'1', '5', '7'}]
         assert list(zip(*dots.get_data(), strict=True)) == left
 
 
@@ -142,6 +142,12 @@ def test_only_the_panels_of_its_sensors_have_the_cross_of_a_tag_that_was_not_rea
         if points.get_offsets().tolist() == place
     }
     assert crossed == {'tags read or not', label_of(sensor)}
+    panels = {axes.get_title(): axes.lines for axes in figure.axes if axes.get_title()}
+    rings = {
+        title: [each for each in lines if each.get_label() == NOT_READ['label']]
+        for title, lines in panels.items()
+    }
+    assert {title for title, found in rings.items() if found} == set(panels) - crossed
 
 
 def test_that_values_differ_by_time_of_day_is_said(drawn):

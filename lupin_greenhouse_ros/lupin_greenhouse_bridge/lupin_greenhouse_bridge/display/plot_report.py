@@ -23,9 +23,10 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
-DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.25, 0.15, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
-POINTS, SMALL = 8.0, 7.0  # of the labels, and of the ids beside the route
+DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)  # scaled by scale_of()
+POINTS = 9.0  # of the labels and the key
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
+NOT_READ = point_style('o', colours.FAILED, 5, markerfacecolor='none', label='not read, without this sensor')
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 MOST_NAMED = 30  # tags in a line of failures
@@ -102,8 +103,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
         _draw_ways(panels[0], shown)
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor])
-    has_rings = any(line.get_label() == RINGS for axes in panels for line in axes.lines)
-    key = _write_key(figure, empty_cell, shown, has_rings)
+    drawn = {line.get_label() for axes in panels for line in axes.lines}
+    key = _write_key(figure, empty_cell, shown, drawn)
     _write_texts(figure, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
@@ -151,10 +152,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
-    taken = [*dots.values(), *way, *tables]
-    taken += _write_labels(axes, labels, taken, shown)
+    taken = [*dots.values(), *way]
+    taken += _write_labels(axes, labels, [*taken, *tables], shown)
     ids = [(tag_id, dot, '0.35') for tag_id, dot in dots.items() if tag_id not in failed]
-    _write_labels(axes, ids, taken, shown, SMALL)
+    _write_labels(axes, ids, taken, shown)
     _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags], 60)
 
 
@@ -163,12 +164,15 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     from matplotlib.ticker import MaxNLocator
 
     tags, (low, high) = shown.layout.tags, limits
-    failed = [tag_id for tag_id in shown.failed if tag_id in tags and sensor in tags[tag_id].sensors]
+    failed = [tag_id for tag_id in shown.failed if tag_id in tags]
+    crossed = [tag_id for tag_id in failed if sensor in tags[tag_id].sensors]
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
-    _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in values], shown, UNKNOWN)
+    _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in {*values, *failed}], shown, UNKNOWN)
+    if strangers := [tag_id for tag_id in failed if tag_id not in crossed]:
+        _draw_dots(axes, strangers, shown, NOT_READ)
     if ringed:
         _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
@@ -183,7 +187,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
     drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
-    _draw_crosses(axes, shown, failed, 30)
+    _draw_crosses(axes, shown, crossed, 30)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
@@ -194,14 +198,14 @@ def _write_title(axes: Any, title: str, more: str) -> None:
 
 
 def _write_labels(
-    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse, points: float = POINTS
+    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse
 ) -> list[Box]:
     """Write labels with a white outline, so that no line touches them."""
     from matplotlib.patheffects import withStroke
 
-    size, bounds = LABELS.times(shown.scale * points / POINTS), box_of(shown.walls)
+    size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': points, 'path_effects': outline, 'zorder': 4}
+    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
     return drawings.write_labels(axes, labels, size, taken, bounds, **style)
 
 
@@ -216,13 +220,13 @@ def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str], size: float)
     axes.scatter([x for x, _ in places], [y for _, y in places], **style)
 
 
-def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool) -> Any:
+def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return the lowest artist."""
     marks: list[tuple[str, Style]] = [
         ('wall', {'color': 'black', 'linewidth': 0.9}),
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *([(RINGS, EXTREME)] if has_rings else []),
+        *([(RINGS, EXTREME)] if RINGS in drawn else []),
         ('tag without a value', UNKNOWN),
     ]
     if shown.route or shown.failed:
@@ -230,13 +234,15 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool)
     if words := set(shown.failed.values()):
         word = f': {min(words)}' if len(words) == 1 else ''
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
+    if NOT_READ['label'] in drawn:
+        marks.append((NOT_READ['label'], NOT_READ))
     if shown.route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
     if empty_cell:
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
-        drawings.write_key(empty_cell, marks, columns=1, **place)
+        drawings.write_key(empty_cell, marks, columns=1, fontsize=POINTS, **place)
         return figure.patch
-    return drawings.write_key(figure, marks, columns=3)
+    return drawings.write_key(figure, marks, columns=3, fontsize=POINTS)
 
 
 def _time_text(form: str, row: Row) -> str:
@@ -259,14 +265,14 @@ def _write_texts(
         *((f'{count} {word}', colours.FAILED) for word, count in summary.failure_counts(failures).items()),
     ]
     width = figure.get_figwidth() * CHARACTERS
-    lines = _lines_of(headline, width, {'fontsize': 14, 'fontweight': 'bold'})
+    title = _time_text('Greenhouse readings, %d %b %Y', last)
+    lines = _lines_of([(title, 'black')], width, {'fontsize': 15, 'fontweight': 'bold'})
+    lines += _lines_of(headline, width, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
         parts = textwrap.wrap(text, int(width / 11))
-        lines += [
-            line for part in parts for line in _lines_of([(part, colours.FAILED)], width, {'fontsize': 11})
-        ]
-    when = _time_text('%d %b %Y, ', last) + ' to '.join(clocks) + _time_text(' %Z', last) + duration
+        lines += [line for part in parts for line in _lines_of([(part, '0.35')], width, {'fontsize': 11})]
+    when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
     lines += _lines_of(
         [(summary.greenhouse_times(between), 'black'), (when, 'black')], width, {'fontsize': 11}
     )
