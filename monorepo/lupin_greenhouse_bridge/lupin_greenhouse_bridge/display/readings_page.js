@@ -103,15 +103,14 @@ function write_head() {
   const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
   const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
-  mark(document.querySelector('h1'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
-  const parts = [...data.counts.map(([text]) => text), data.greenhouse_times].filter(Boolean);
-  write_pieces(element('counts'), parts, number => data.counts[number]?.[1]);
-  write_pieces(element('file'), [data.title, `times in ${zone}`, data.speed].filter(Boolean));
+  mark(element('title'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
+  write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
+  write_pieces(element('file'), [data.title, `times in ${zone}`, data.greenhouse_times, data.speed].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
 
-// Writes which tags were not read, and why.
+// Writes which tags were not read, and why: what happened, and then, small, who says so with which code.
 function write_tags(line, { word, reason, tags, more }, name) {
   line.append(tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
   tags.forEach((id, number) => {
@@ -120,7 +119,9 @@ function write_tags(line, { word, reason, tags, more }, name) {
   });
   line.append(more, ' ');
   mark(line, 'span', { class: name }, word);
-  if (reason) line.append(`: ${reason}`);
+  const [, plain, source = ''] = /^(.*?)( \([^(]*\bcode \d+\))?$/s.exec(reason);
+  if (plain) line.append(`: ${plain}`);
+  if (source) mark(line, 'small', {}, source);
 }
 
 // Writes the table of several files, and links to the page of each.
