@@ -548,7 +548,7 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
         assert f'page {number} of 2' in text
     assert 'temperature (°C)' in texts[0]
     assert texts[0].count('lowest') == 6  # above the large map, and below each small one
-    assert 'Over time' in texts[1]
+    assert 'When each tag was read' in texts[1]
     assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
 
 
@@ -598,6 +598,9 @@ def test_the_lines_of_the_lowest_and_the_highest_value_stand_out_and_the_axis_fo
     assert min(heights) >= 496
     assert max(heights) <= 508
     assert page.evaluate(CELLS) == ['1', '5', '9']
+    told = page.evaluate("document.getElementById('charts').innerText")
+    assert told.startswith('Over time')
+    assert 'the lowest and the highest last value.' in told
     unread = page.evaluate("document.getElementById('unread').innerText")
     assert unread.startswith('Tags ')
     assert unread.endswith(' not in the file')

@@ -20,6 +20,7 @@ const WALL_STEPS_MS = [
 ].map(seconds => seconds * 1000);
 const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
+const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
 const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 185] };  // in print
@@ -497,12 +498,12 @@ function draw_charts() {
   const left = 10 + Math.max(...charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each)))));
   const beside = Math.max(...charts.map(({ labels }) => labels.width));
   for (const chart of charts) draw_chart(chart, left, chart.size[0] - beside);
-  const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
-  const bold = document.querySelector('.marked') ? '; bold: the lowest and the highest last value' : '';
+  const value = is_line ? 'last value' : 'value';
+  const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   element('series').textContent = `Each ${line}${bold}${hint}${axis}.`;
   show_chosen();
 }
@@ -686,6 +687,7 @@ element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !stops.length;
+if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;
 element('files').hidden = element('comparison').hidden = files.length < 2;
