@@ -405,6 +405,7 @@ function write_table() {
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
   if (failure_words.length) document.querySelector('#sort span').textContent = 'not read first, then by';
   if (asides.length === 1) element('aside').textContent = `at the right: ${asides[0].name} ${asides[0].unit ?? ''}`;
+  table.classList.toggle('timed', asides.length === 1 && !is_over_days);  // a phone shows it on the first line
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
   data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
