@@ -162,16 +162,14 @@ class FakeNavigator(LifecycleNode):
         self._publish()
         if not goal:
             return
+        pose = PoseStamped(header=self._header(MAP_FRAME), pose=pose_message(*self._robot.pose))
+        goal.publish_feedback(self._action.Feedback(current_pose=pose, distance_remaining=self._robot.left_m))
         if not self._robot.is_moving:
             self._goals_reached += not goal.is_cancel_requested
             self._is_wedged |= self._goals_reached == self._settings.wedged_after
             self._end(goal)
         elif self._stuck_seconds >= PROGRESS_SECONDS:
             self._end(goal, 'the robot does not move', FAILED_TO_MAKE_PROGRESS)
-        else:
-            pose = PoseStamped(header=self._header(MAP_FRAME), pose=pose_message(*self._robot.pose))
-            left_m = self._robot.left_m
-            goal.publish_feedback(self._action.Feedback(current_pose=pose, distance_remaining=left_m))
 
     def _end(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> None:
         """Stand still, and end the goal."""

@@ -173,6 +173,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     wait_until(lambda: client.odometry[-1].pose.pose == feedback.current_pose.pose)  # two topics
     clock.pass_seconds(HOUR)
     assert client.status_of(goal) == GoalStatus.STATUS_SUCCEEDED
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
     wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     client.wait_until_robot(lambda pose: pose == pytest.approx(FAR))  # a topic of its own
     assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
@@ -182,9 +183,10 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
     assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
     assert FreeSpace(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
+    client.feedback.clear()
     client.send(FAR._replace(yaw=FAR.yaw + 3.0))
     clock.pass_seconds(0.1)  # it only turns
-    wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
+    wait_until(lambda: client.feedback and client.feedback[-1].feedback.distance_remaining == 0.0)
 
 
 @pytest.mark.parametrize('action', [each for each in ACTIONS if hasattr(actions, each)])
