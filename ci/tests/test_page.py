@@ -548,6 +548,8 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
         assert f'page {number} of 2' in text
     assert 'temperature (°C)' in texts[0]
     assert texts[0].count('lowest') == 6  # above the large map, and below each small one
+    assert '(28\xa0s), continued' in texts[1]
+    assert 'Last reading of each tag' in texts[1]
     assert 'When each tag was read' in texts[1]
     assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
 

@@ -24,7 +24,7 @@ data.tags.forEach((tag, number) => { tag.number = number; });
 const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 185] };  // in print
+const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 155] };  // in print
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
@@ -695,6 +695,7 @@ element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_m
 element('files').hidden = element('comparison').hidden = files.length < 2;
 if (files.length > 1) write_differences();
 write_head();
+page_style.setProperty('--title', JSON.stringify(element('title').textContent));
 write_table();
 data.sensors.forEach(draw_tab);
 if (data.sensors.length) pick(0);
