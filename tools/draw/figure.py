@@ -98,7 +98,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     tag = greenhouse.layout.tags[tag_id]
     hours = np.linspace(0.0, 24.0, 97)
     rows = len(tag.sensors)
-    figure = pyplot.figure(figsize=(6.4, 1.8 + 2.1 * rows), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 2.3 + 2.1 * rows), layout='constrained')
     all_axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(all_axes, tag.sensors, strict=True):
         quantiles = [greenhouse.quantiles(name, tag[:2], hour, (0.05, 0.95)) for hour in hours]
@@ -108,7 +108,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
         more = ' has no noise' if (low == high).all() else ''
         is_skewed = (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any()
-        more += ': the largest of noisy components' if is_skewed else ''
+        more += ': the highest of several noisy\nvalues, so the band lies higher' if is_skewed else ''
         axes.set_title(f'{label_of(name)}{more}', loc='left')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
@@ -121,6 +121,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         axes.locator_params(axis='y', nbins=4)
         axes.grid(alpha=0.3)
     ticks = range(0, 25, 6)
+    all_axes[-1].set_xlabel('time of day in the greenhouse')
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
     figure.suptitle(f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured')
     names = 'without noise', '90 % of the readings'

@@ -36,8 +36,9 @@ SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
-# By the paper: the other end of the field's shades, and the tables, which have no such shade.
+# By the paper: the other end of the field's shades, the line of sight, and the tables without such a shade.
 FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
+SIGHT = {'white': colours.ROUTE, '#0d1117': '#8ec5ff'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
@@ -96,19 +97,31 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     ends = zip(tags[read_id][:2], TAG_AT, walls[:2], walls[2:], strict=True)
     x, y = (min(max(at - share * side_m, low), high - side_m) for at, share, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
-    figure = pyplot.figure(figsize=(6.4, 8.7), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 9.1), layout='constrained')
     axes = figure.add_subplot()
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size, placing.box_of(part))
+    taken.append(draw_metre(axes, part, size))
     taken = draw_field(axes, greenhouse, options, part, size, taken)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, taken)
     write_key(figure, greenhouse, seen, 5)
     shades = f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-    figure.suptitle(f'Simulation: a robot reads tag {read_id}.\nThe shades show the {shades}.')
+    shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
+    more = 'warmer' if options.sensor == 'temperature' else 'higher'
+    where = f'A part of the simulated greenhouse,\nwhere a robot reads tag {read_id}.'
+    figure.suptitle(f'{where}\nShades: {shades}, {shade} = {more}')
     return figure
+
+
+def draw_metre(axes: Any, part: Walls, size: drawings.LabelSize) -> placing.Box:
+    """Draw a bar of 1 m in the lower left corner; return what it covers."""
+    x, y = part.x0 + size.height_m / 2, part.y0 + size.height_m / 2
+    axes.plot([x, x + 1.0], [y, y], color=pyplot.rcParams['text.color'], linewidth=3, zorder=4)
+    axes.text(x + 0.5, y + 0.7 * size.height_m, '1 m', zorder=4, **drawings.CENTRED)
+    return placing.Box(x + 0.5, y + size.height_m / 2, 1.0, 1.5 * size.height_m)
 
 
 def draw_reading(
@@ -119,11 +132,11 @@ def draw_reading(
     if tag_id not in found.poses:
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
-    drawings.draw_robot(axes, pose, radius_m, {'facecolor': colours.ROUTE, 'edgecolor': 'white'})
+    drawings.draw_robot(axes, pose, radius_m, {'facecolor': f'{colours.ROUTE}88', 'edgecolor': 'white'})
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
-    ray = {'color': pyplot.rcParams['text.color'], 'linestyle': drawings.DASHED, 'zorder': 1.6}
-    axes.plot(*zip(*sight, strict=True), **ray)
+    ray = {'color': SIGHT[pyplot.rcParams['axes.facecolor']], 'linestyle': (0, (2, 0.6)), 'linewidth': 3.5}
+    axes.plot(*zip(*sight, strict=True), **ray, zorder=1.9)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
     lines = [
@@ -176,13 +189,15 @@ def draw_field(
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
     tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
     unit = units.unit_of(options.sensor)
-    return write_values(axes, lines, part, unit, size, [*taken, *dots, *tables])
+    around = [dot._replace(width=7 * dot.width, height=3 * dot.height) for dot in dots]
+    values = write_values(axes, lines, part, unit, size, [*taken, *around, *tables])
+    return [*taken, *dots, *tables, *values]
 
 
 def write_values(
     axes: Any, lines: ContourSet, part: Walls, unit: str, size: drawings.LabelSize, taken: list[placing.Box]
 ) -> list[placing.Box]:
-    """Write its value on each line of equal values, far right where nothing is; return what is covered."""
+    """Write its value on each line of equal values, far right where nothing is; return their boxes."""
     covered = list(taken)
     for level, paths in zip(lines.levels, lines.allsegs, strict=True):
         text = f'{level:g} {unit}'
@@ -192,10 +207,13 @@ def write_values(
             boxes = np.column_stack([places, np.tile(label, (len(places), 1))])
             shares = placing.overlaps(boxes, np.array(covered)).sum(axis=1) / np.prod(label)
             moved_m = np.abs(places - path).sum(axis=1)
-            best = placing.Box(*boxes[np.lexsort((-places[:, 0], moved_m.round(2), shares.round(1)))[0]])
+            lengths = (np.abs(path[:, None] - places) < half).all(axis=2).sum(axis=0)
+            hides_bend = lengths > 1.5 * np.quantile(lengths, 0.25)
+            order = np.lexsort((-places[:, 0], moved_m.round(2), hides_bend, shares.round(1)))
+            best = placing.Box(*boxes[order[0]])
             axes.text(*best[:2], text, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
             covered.append(best)
-    return covered
+    return covered[len(taken) :]
 
 
 @cache
