@@ -298,20 +298,23 @@ def _write_numbers(
     from matplotlib.patches import Circle
     from matplotlib.patheffects import withStroke
 
-    disc_m, ahead_m, ahead = math.hypot(*digits) / 2, (NOSE + NOSE_RADIUS) * radius_m + digits[0] / 2, []
+    disc_m, ahead_m = math.hypot(*digits) / 2, (NOSE + NOSE_RADIUS) * radius_m + digits[0] / 2
     steps = [(x, y, n) for n, (_, line) in enumerate(stops) for x, y, _ in steps_of(line, disc_m / 4)]
-    points, outline = np.reshape(steps, (-1, 3)), [withStroke(linewidth=2.5, foreground='white')]
+    points, places, ahead = np.reshape(steps, (-1, 3)), [], set()
     for number, (pose, _) in enumerate(stops):
         is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        is_crossed = (is_near & (points[:, 2] != number)).any()
-        dot_m, place, style = disc_m, pose[:2], NUMBER
-        if is_crossed:
-            dot_m, place = disc_m / 4, ahead_of(pose, ahead_m)
-            style = {**NUMBER, 'color': colours.ROUTE, 'path_effects': outline}
-            ahead.append(Box(*place, *digits))
+        is_crossed = bool((is_near & (points[:, 2] != number)).any())
+        places.append(ahead_of(pose, ahead_m) if is_crossed else pose[:2])
+        ahead |= {places[-1]} if is_crossed else set()
+        dot_m = disc_m / 4 if is_crossed else disc_m
         axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
-        axes.text(*place, str(number + 1), **style)
-    return ahead
+    outlined: Style = {
+        'color': colours.ROUTE,
+        'path_effects': [withStroke(linewidth=2.5, foreground='white')],
+    }
+    for text, (place, *_) in join_stops(places, disc_m / 2).items():
+        axes.text(*place, text, **{**NUMBER, **(outlined if place in ahead else {})})
+    return [Box(*place, *digits) for place in ahead]
 
 
 def _write_numbers_beside(
