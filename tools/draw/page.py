@@ -22,7 +22,7 @@ REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
 TOP_OF_TABLE = 'Math.floor(document.querySelector("#table").getBoundingClientRect().top)'
-PAGE_PIXELS, SENSOR = 820, 'temperature'
+PAGE_PIXELS, SENSOR = 720, 'temperature'
 
 
 def main() -> int:
