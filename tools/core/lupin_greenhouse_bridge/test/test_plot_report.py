@@ -170,7 +170,7 @@ def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn):
     tag_file = {each: {'x': 1.0, 'y': 1.0, 'sensors': ['co2']} for each in ('1', '7', '9', '10', 'A3')}
     (tmp_path / 'report-tag_locations.json').write_text(json.dumps(tag_file), encoding='utf-8')
     text = ' '.join(texts_in(drawn(*visits)))  # in lines of some length
-    reason = 'no path (navigate_to_pose aborted the drive with code 208)'
+    reason = 'no path (code 208)'
     assert f'Tags 7, 9 and A3 unreachable: {reason} ' in text
     assert f'Tag 10 unreachable: pose 1: {reason}; pose 2: no path' in text
 

@@ -23,7 +23,11 @@ data.tags.forEach((tag, number) => { tag.number = number; });
 const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 155] };  // in print
+const PAPER_MAP = [440, 740];  // in print, as the next one
+const paper_chart = (n, count) => {
+  const columns = is_long ? 1 : n < count - count % 3 ? 3 : count % 3;
+  return [704 / columns - 12, is_long ? 190 : 155];
+};
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
@@ -110,7 +114,7 @@ function write_head() {
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
 
-// Writes which tags were not read, and why: what happened, and then, small, who says so with which code.
+// Writes which tags were not read, and why: what happened, and then, small, with which code.
 function write_tags(line, { word, reason, tags, more }, name) {
   line.append(tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
   tags.forEach((id, number) => {
@@ -119,9 +123,9 @@ function write_tags(line, { word, reason, tags, more }, name) {
   });
   line.append(more, ' ');
   mark(line, 'span', { class: name }, word);
-  const [, plain, source = ''] = /^(.*?)( \([^(]*\bcode \d+\))?$/s.exec(reason);
+  const [, plain, code = ''] = /^(.*?)( \(code \d+\))?$/s.exec(reason);
   if (plain) line.append(`: ${plain}`);
-  if (source) mark(line, 'small', {}, source);
+  if (code) mark(line, 'small', {}, code);
 }
 
 // Writes the table of several files, and links to the page of each.
@@ -249,7 +253,7 @@ function draw_axes(svg, { x, y, scale, room: [left, , , bottom] }) {
 
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
-  const size = state.is_printed ? PAPER.map : [size_of(place)[0], Infinity];
+  const size = state.is_printed ? PAPER_MAP : [size_of(place)[0], Infinity];
   const frame = frame_of(...size, { left: 32, right: 12, top: 6, bottom: 20 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
@@ -492,8 +496,9 @@ function draw_charts() {
     return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
   // After all figures are there, which changes their sizes. Their times are below each other.
-  const charts = figures.map(([sensor, place, readout]) => {
-    const size = state.is_printed ? PAPER.chart : size_of(place).map(each => Math.max(Math.floor(each), 120));
+  const charts = figures.map(([sensor, place, readout], n) => {
+    const size = state.is_printed ? paper_chart(n, figures.length)
+      : size_of(place).map(each => Math.max(Math.floor(each), 120));
     return { sensor, place, readout, size, values: value_axis(sensor), labels: column_of(sensor, size[1]) };
   });
   const left = 10 + Math.max(...charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each)))));

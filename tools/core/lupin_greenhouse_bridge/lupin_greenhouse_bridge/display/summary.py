@@ -52,8 +52,8 @@ def outcome_text(outcome: str) -> str:
 
 
 def failure_reason(detail: str) -> str:
-    """Return why a visit failed: what happened, and then who says so with which code."""
-    return re.sub(r'([^\s:;][^:;]*\bcode \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+    """Return why a visit failed: what happened, and then with which code, without the name of the action."""
+    return re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
 
 
 def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
