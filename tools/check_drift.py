@@ -1,7 +1,7 @@
 """
 Compare the monorepo's bridge with the open-source mirror: only one divergence is allowed.
 
-    python3 check_drift.py --monorepo DIR --mirror DIR [--format text|github]
+    python3 check_drift.py --monorepo DIR --mirror DIR
 
 Undoes the rename of the message package, then compares every file of the bridge package and the three
 interfaces of the contract. Does not depend on how the trees were made. Needs only Python 3.10; in a clone,
@@ -166,10 +166,8 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
         yield Finding(heading, path, 'differs beyond the rename', [*same, False].index(False) + 1, text)
 
 
-def report(findings: list[Finding], compared: int, form: str) -> str:
-    """Return the findings as text for people, or as annotations for GitHub."""
-    if form == 'github':
-        return '\n'.join(map(_annotation, findings))
+def report(findings: list[Finding], compared: int) -> str:
+    """Return the findings, and what to do."""
     if not findings:
         return f'{pluralized(compared, "file")} compared: only the allowed divergence'
     blocks = [
@@ -177,16 +175,6 @@ def report(findings: list[Finding], compared: int, form: str) -> str:
     ]
     summary = f'{pluralized(len(findings), "finding")} in {pluralized(compared, "file")} compared.'
     return '\n'.join([*blocks, summary, WHAT_TO_DO])
-
-
-def _annotation(found: Finding) -> str:
-    path, heading = _escaped(str(found.path), ',:'), _escaped(found.heading, ',:')
-    text = _escaped(f'{found.message}\n{found.diff}'.rstrip('\n'))
-    return f'::error file={path},line={found.line},title=drift%3A {heading}::{text}'
-
-
-def _escaped(text: str, also: str = '') -> str:
-    return ''.join(f'%{ord(c):02X}' if c in f'%\r\n{also}' else c for c in text)
 
 
 def pluralized(count: int, thing: str) -> str:
@@ -200,7 +188,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(allow_abbrev=False, description=summary, epilog=exit_codes)
     for name, package in MSGS.items():
         parser.add_argument(f'--{name}', type=Path, required=True, metavar='DIR', help=f'holds {package}')
-    parser.add_argument('--format', choices=('text', 'github'), default='text', help='default: text')
     options = parser.parse_args(arguments)
     try:
         monorepo, mirror = Tree('monorepo', options.monorepo), Tree('mirror', options.mirror)
@@ -208,7 +195,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         print(f'check_drift: cannot compare: {error}', file=sys.stderr)
         return 2
-    print(report(findings, len(monorepo.files.keys() & mirror.files.keys()), options.format))
+    print(report(findings, len(monorepo.files.keys() & mirror.files.keys())))
     return int(bool(findings))
 
 

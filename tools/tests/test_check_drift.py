@@ -40,9 +40,9 @@ class Trees:
         for side in TREES if sides == 'both' else [sides]:
             change(self.path(side, name))
 
-    def check(self, form='text'):
+    def check(self):
         sides = [word for side, folder in TREES.items() for word in (f'--{side}', str(self.base / folder))]
-        return check_drift.main([*sides, '--format', form])
+        return check_drift.main(sides)
 
 
 @pytest.fixture(scope='module')
@@ -243,15 +243,6 @@ def test_text_has_place_message_remedy_and_a_diff_of_what_is_invisible(trees, ca
     assert 'make generate' in rest[-3]
     assert 'tools/twins.toml' in rest[-2]
     assert re.fullmatch(r'1 finding in \d+ files compared\.', rest[-5])
-
-
-def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
-    edit(trees.path('mirror', LAUNCH), "output='screen'", "output='100%'")
-    assert trees.check('github') == 1
-    (line,) = capsys.readouterr().out.splitlines()
-    assert re.match(r'::error file=.*launch\.py,line=\d+,title=drift%3A package file::differs', line)
-    assert '100%25' in line
-    assert '%0A' in line
 
 
 def test_it_runs_alone_on_any_two_checkouts(repository):
