@@ -80,7 +80,7 @@ def render(root: Path) -> Files:
     """Return every generated file of both trees; raises RefusedError if table and core do not match."""
     table, core = load_table(root), _read_core(root)
     rendered = {}
-    for name, tree in table['trees'].items():
+    for tree in table['trees'].values():
         files = core.copy()
         if divergence := tree.get('divergence'):
             content, mode = core.get(divergence['file'], (b'', 0))
@@ -88,9 +88,6 @@ def render(root: Path) -> Files:
         for core_path, (content, mode) in files.items():
             path = tree_path(tree, core_path)
             text = with_header(path, content.replace(MESSAGES.encode(), tree['messages'].encode()))
-            for word in tree['forbidden']:
-                if word.lower().encode() in path.lower().encode() + text.lower():
-                    raise RefusedError(f'tools/twins.toml, {name}: {word!r} must not be in {path}')
             rendered[path] = text, mode
     return rendered | _readme_with_address(root, table['trees']['mirror'])
 

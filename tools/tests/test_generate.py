@@ -141,9 +141,6 @@ def test_files_that_git_ignores_and_other_interfaces_of_the_team_are_left_alone(
 @pytest.mark.parametrize(
     ('name', 'old', 'new', 'message'),
     [
-        (UNITS, '', '# LUPIN_MSGS\n', "'lupin_msgs' must not be in lupin_greenhouse_ros/"),
-        (UNITS, '', '# lupin_greenhouse_msgs\n', "'lupin_greenhouse_msgs' must not be in monorepo/"),
-        (f'{CORE_BRIDGE}/confirmtag.py', '', '', "'ConfirmTag' must not be in lupin_greenhouse_ros/"),
         (UNITS, '', f'# {generate.HEADER}\n', 'holds the line of a generated file: remove it'),
         (f'{CORE_BRIDGE}/bridge_node.py', DIVERGENT, '', 'bridge_node.py: must have'),
         (f'{CORE_BRIDGE}/bridge_node.py', DIVERGENT, 2 * DIVERGENT, 'once, and has it 2 times: here'),
