@@ -40,20 +40,6 @@ PLAIN_WRAPPER = f'{sys.executable} {HERE / "plain_wrapper.py"}'
 PARTS = ('latency', 'throughput', 'start', 'idle', 'growth')
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
 Array: TypeAlias = 'npt.NDArray[np.float64]'
-# Ratio of the subject to the baseline, and on which side of it the target lies.
-Side = Callable[[float, float], float]
-TARGETS: dict[str, tuple[float, Side]] = {
-    'round trip p50': (1.00, max),
-    'round trip p99': (1.00, max),
-    'throughput, 1 client': (1.00, min),
-    'throughput, 4 clients': (1.00, min),
-    'throughput, 16 clients': (1.00, min),
-    'start to first answer': (1.10, max),
-    'resident memory': (1.10, max),
-    'processor at idle': (1.10, max),
-    '100,000 tags to 29: p50': (1.05, max),
-    'call 200,000 to call 1: p50': (1.05, max),
-}
 
 
 class NamedServer(Server):
@@ -100,13 +86,6 @@ def asking(*services: str) -> Iterator[Callable[[int], Array]]:
     context.try_shutdown()
 
 
-def verdict(ratio: float, low: float, high: float, target: float, side: Side) -> str:
-    """Return 'met', 'within noise' if the middle half of the rounds spans the target, or 'MISSED'."""
-    if side(ratio, target) == target:
-        return 'met'
-    return 'within noise' if low <= target <= high else 'MISSED'
-
-
 def digits(value: float) -> str:
     """Return a number in four digits, or whole."""
     return f'{value:,.0f}' if value >= 1000 else f'{value:.4g}'
@@ -135,15 +114,10 @@ class Bench:
         subject, baseline = np.median(rounds, axis=0)
         row = {'figure': figure, 'subject': subject, 'baseline': baseline, 'unit': unit, 'ratio': ratio}
         row |= {'middle_half': [low, high], 'rounds': len(rounds)}
-        note = ''
-        if figure in TARGETS:
-            target, side = TARGETS[figure]
-            row |= {'target': target, 'verdict': verdict(ratio, low, high, target, side)}
-            note = f'{"<=" if side is max else ">="} {target:.2f} {row["verdict"]}'
         self.rows.append(row)
         spread = f' [{low:.3f}, {high:.3f}]' if len(rounds) > 1 else ''
         sides = [f'{digits(value)} {unit}' for value in (subject, baseline)]
-        print_row(figure, *sides, f'{ratio:.3f}{spread}', note)
+        print_row(figure, *sides, f'{ratio:.3f}{spread}')
 
     def latency(self) -> None:
         """
@@ -190,7 +164,7 @@ class Bench:
             lost = [sum(each['timed out'] for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
             self.rows.append({'figure': figure, 'subject': lost[0], 'baseline': lost[1]})
-            print_row(figure, str(lost[0]), str(lost[1]), '', '')
+            print_row(figure, str(lost[0]), str(lost[1]), '')
 
     def start(self) -> None:
         """Time a server from the start of its process to its first reply."""
@@ -248,8 +222,8 @@ def main() -> int:
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    print_row('', 'bridge', 'plain wrapper, or as named', 'ratio [middle half]', 'target')
-    print('|' + '---|' * 5)
+    print_row('', 'bridge', 'plain wrapper, or as named', 'ratio [middle half]')
+    print('|' + '---|' * 4)
     try:
         with (
             own_domain(),
@@ -271,8 +245,6 @@ def main() -> int:
     result = options.output / 'bench.json'
     result.write_text(json.dumps({'conditions': conditions, 'figures': bench.rows}, indent=2) + '\n')
     print(f'\n{conditions["seconds"]} s on {conditions["processors"]} processors; {result}')
-    if missed := [row['figure'] for row in bench.rows if row.get('verdict') == 'MISSED']:
-        print(f'missed: {", ".join(missed)}')
     return 0
 
 

@@ -35,10 +35,7 @@ def figures(folder: Path, *options: str) -> dict[str, dict]:
     process = start('bench.py', '--only', 'latency', '--output', str(folder), *options)
     printed, _ = process.communicate()
     assert process.returncode == 0, printed
-    rows = json.loads((folder / 'bench.json').read_text())['figures']
-    missed = [row['figure'] for row in rows if row.get('verdict') == 'MISSED']
-    assert (f'missed: {", ".join(missed)}\n' in printed) == bool(missed)
-    return {row['figure']: row for row in rows}
+    return {row['figure']: row for row in json.loads((folder / 'bench.json').read_text())['figures']}
 
 
 def test_swapping_the_sides_inverts_the_ratios(tmp_path):
@@ -50,13 +47,6 @@ def test_swapping_the_sides_inverts_the_ratios(tmp_path):
     as_baseline = figures(tmp_path, '--subject', wrapper, '--baseline', slow)
     assert as_subject['round trip p50']['ratio'] > 1.0
     assert as_baseline['round trip p50']['ratio'] < 1.0
-
-
-@pytest.mark.parametrize(('side', 'sign'), [(max, 1), (min, -1)])
-def test_a_target_is_missed_only_if_the_middle_half_lies_beyond_it(side, sign):
-    for above, near, expected in ((0.0, -0.1, 'met'), (0.01, 0.0, 'within noise'), (0.02, 0.01, 'MISSED')):
-        low, high = sorted((1 + sign * near, 1 + sign * 0.1))
-        assert bench.verdict(1 + sign * above, low, high, 1.0, side) == expected
 
 
 @pytest.fixture(scope='module')
