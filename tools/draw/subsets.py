@@ -1,11 +1,9 @@
-"""Draw each tag in the colour of its subset of sensors, over one sensor's field: all, or a part."""
+"""Draw each tag in the colours of its subset of sensors, over one sensor's field: all, or a part."""
 
 import argparse
 import itertools
 import math
 import random
-import textwrap
-from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -16,21 +14,17 @@ from lupin_greenhouse_bridge.display import colours, drawings, placing
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import natural_order
-from lupin_greenhouse_bridge.units import clock_time, label_of
+from lupin_greenhouse_bridge.units import clock_time
 from matplotlib import pyplot
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
-from simulated import Greenhouse, Subset
+from matplotlib.patches import Wedge
+from simulated import Greenhouse
 
-# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too.
-SUBSET_COLOURS = (
-    *('#d55e00', '#3c69b4', '#a52dff', '#f0e442', '#009e73'),
-    *('#e8a000', '#b0d7ff', '#d21e3c', '#8e7cff', '#f4b1a5', '#bbffc0', '#69d25a', '#56b4e9'),
-)
-SHAPES = 'os^D'  # of one, two, three and more sensors
-OTHER = '0.5'
-EMPTY: tuple[str, drawings.Style] = ('', {'linestyle': ''})  # in the key
+# Of the sensors in the order of the key. Protanopes and deuteranopes can tell them apart too.
+SENSOR_COLOURS = '#d55e00', '#3c69b4', '#a52dff', '#f0e442', '#009e73'
+OTHER = '0.5'  # of any more sensors
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
 SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
@@ -40,29 +34,16 @@ SCHEMES: dict[str, dict[Any, Any]] = {
 FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
 SIGHT = {'white': colours.ROUTE, '#0d1117': '#8ec5ff'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
+LINES = 3  # of equal values, at most about
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
 TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
 
 
-def styles_of(greenhouse: Greenhouse) -> dict[Subset, drawings.Style]:
-    """Return the mark of each subset, in the order of the key; the rarest beyond the palette share OTHER."""
-    counts, letters = Counter(greenhouse.subset_of.values()), list(greenhouse.letters.values())
-    frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
-    palette, styles = iter(SUBSET_COLOURS), {}
-    for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
-        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
-        colour = next(palette) if subset in frequent else OTHER
-        styles[subset] = mark(shape, colour)
-    return styles
-
-
-def mark(shape: str, colour: str) -> drawings.Style:
-    """Return the style of a point with an edge in the colour of the texts, and a little larger than these."""
-    size = 1.4 * pyplot.rcParams['font.size']
-    edge = {'markeredgecolor': pyplot.rcParams['text.color'], 'markeredgewidth': size / 10}
-    return drawings.point_style(shape, colour, size, **edge)
+def colours_of(greenhouse: Greenhouse) -> dict[str, str]:
+    """Return the colour of the letter of each sensor."""
+    return dict(itertools.zip_longest(greenhouse.letters.values(), SENSOR_COLOURS, fillvalue=OTHER))
 
 
 def in_style(scheme: str, points: float, draw: Callable[..., Figure], *arguments: Any) -> Figure:
@@ -78,14 +59,16 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.3), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 1.9), layout='constrained')
     axes = figure.add_subplot()
     size = drawings.LABELS.times(scale)
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), size, taken)
-    write_key(figure, greenhouse, list(layout.tags), 6)
-    axes.set_title(f'The simulated greenhouse: {pluralized(len(layout.tags), "tag")} and their sensors')
+    write_key(figure, greenhouse, 3)
+    title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
+    figure.suptitle(title, weight='bold')
+    axes.set_title(shades_of(axes, options))
     return figure
 
 
@@ -97,7 +80,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     ends = zip(tags[read_id][:2], TAG_AT, walls[:2], walls[2:], strict=True)
     x, y = (min(max(at - share * side_m, low), high - side_m) for at, share, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
-    figure = pyplot.figure(figsize=(6.4, 9.1), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 8.6), layout='constrained')
     axes = figure.add_subplot()
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
@@ -107,13 +90,18 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, taken)
-    write_key(figure, greenhouse, seen, 5)
-    shades = f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
+    write_key(figure, greenhouse, 2)
+    figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
+    axes.set_title(f'Each tag has the colours of its sensors.\n{shades_of(axes, options)}')
+    return figure
+
+
+def shades_of(axes: Any, options: argparse.Namespace) -> str:
+    """Return what the shades of the field mean."""
     shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
     more = 'warmer' if options.sensor == 'temperature' else 'higher'
-    where = f'A part of the simulated greenhouse,\nwhere a robot reads tag {read_id}.'
-    figure.suptitle(f'{where}\nShades: {shades}, {shade} = {more}')
-    return figure
+    when = clock_time(options.hour * 3600)
+    return f'Shades: {units.name_of(options.sensor)} at {when}, {shade} = {more}'
 
 
 def draw_metre(axes: Any, part: Walls, size: drawings.LabelSize) -> placing.Box:
@@ -179,13 +167,10 @@ def draw_field(
     xs, ys, field = field_of(greenhouse, options.sensor, options.hour, part)
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END[paper]])
     extent = (*part[::2], *part[1::2])
-    image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
-    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
+    axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
+    lines = axes.contour(xs, ys, field, LINES, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
-    if part is greenhouse.walls:
-        label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-        drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
     tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
     unit = units.unit_of(options.sensor)
@@ -229,12 +214,15 @@ def field_of(
 def draw_tags(
     axes: Any, greenhouse: Greenhouse, tag_ids: list[str], size: drawings.LabelSize, taken: list[placing.Box]
 ) -> None:
-    """Draw tags in the colours of their subsets, with their ids and letters beside them."""
-    ink, points = pyplot.rcParams['text.color'], pyplot.rcParams['font.size']
-    styles, labels = styles_of(greenhouse), []
-    for tag_id in tag_ids:
+    """Draw each tag as a disc with a sector in the colour of each sensor, its id and letters beside it."""
+    ink, points, colours = pyplot.rcParams['text.color'], pyplot.rcParams['font.size'], colours_of(greenhouse)
+    labels = []
+    for tag_id in sorted(tag_ids, key=lambda each: greenhouse.layout.tags[each].y):
         (x, y, _), subset = greenhouse.layout.tags[tag_id], greenhouse.subset_of[tag_id]
-        axes.plot(x, y, **styles[subset], zorder=5)
+        for number, letter in enumerate(subset):
+            ends = (90 + 360 * (number + after) / len(subset) for after in (0, 1))
+            style = {'facecolor': colours[letter], 'edgecolor': ink, 'linewidth': points / 8, 'zorder': 5}
+            axes.add_patch(Wedge((x, y), size.height_m / 2, *ends, **style))
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
     style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
     drawings.write_labels(axes, labels, size, taken, view_of(axes), **style)
@@ -246,20 +234,15 @@ def view_of(axes: Any) -> placing.Box:
     return placing.box_of(Walls(x0, y0, x1, y1))
 
 
-def write_key(figure: Figure, greenhouse: Greenhouse, tag_ids: list[str], columns: int) -> None:
-    """Write below the name of each letter, and the marks of the subsets of these tags, by their shapes."""
-    names = [f'{letter}\xa0{units.name_of(name)}' for name, letter in greenhouse.letters.items()]
-    exposed = {greenhouse.subset_of[tag_id] for tag_id in tag_ids}
-    marks = [(each, style) for each, style in styles_of(greenhouse).items() if each in exposed]
-    rows: list[list[tuple[str, drawings.Style]]] = []
-    for count, group in itertools.groupby(marks, lambda each: len(each[0])):
-        row = [(''.join(subset), style) for subset, style in group]
-        heading = pluralized(count, 'sensor'), row[0][1] | {'color': 'none'}
-        starts = range(0, len(row), columns)
-        rows += [[EMPTY if at else heading, *row[at : at + columns]] for at in starts]
-    rows.append([('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']]))])
-    filled = list(itertools.zip_longest(*rows, fillvalue=EMPTY))  # column by column
+def write_key(figure: Figure, greenhouse: Greenhouse, columns: int) -> None:
+    """Write below the colour, the letter and the name of each sensor."""
+    size, edge = 1.2 * pyplot.rcParams['font.size'], {'markeredgecolor': pyplot.rcParams['text.color']}
+    marks = [
+        (f'{letter} {units.name_of(name)}', drawings.point_style('o', colour, size, **edge))
+        for (name, letter), colour in zip(
+            greenhouse.letters.items(), colours_of(greenhouse).values(), strict=True
+        )
+    ]
+    marks.append(('table', drawings.point_style('s', TABLE[pyplot.rcParams['axes.facecolor']], size, **edge)))
     place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
-    title = textwrap.fill(f'sensors: {", ".join(names)}', 40)
-    style = {'columnspacing': 1.0, 'markerscale': 0.75, 'handlelength': 1.5, 'alignment': 'left'}
-    drawings.write_key(figure, [*itertools.chain(*filled)], len(filled), title=title, **style, **place)
+    drawings.write_key(figure, marks, columns, columnspacing=1.0, handlelength=1.5, **place)
