@@ -30,13 +30,13 @@ from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     call,
-    executable,
     greet,
     has_found_a_client,
     overrides,
     wait_until,
 )
 from lupin_mission import mission_orchestrator
+from lupin_mission.nav2_drive import navigate_to_pose
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, SensorReading, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
 from rcl_interfaces.msg import ParameterValue
@@ -192,17 +192,17 @@ def bridge_parameters(held_service):
 class HeldNavigator:
     """An action server that holds every goal, every cancel and every end until the test decides."""
 
-    def __init__(self, node, action_type, name: str):
+    def __init__(self, node, name: str):
         self.goals = []  # that have arrived, as PoseStamped
         self._node = node
-        self._type = action_type
+        self._type = navigate_to_pose()
         self._name = name
         self._arrived, self._accepted, self._cancels = (queue.SimpleQueue() for _ in range(3))
         self._goal_replies, self._cancel_replies = queue.SimpleQueue(), queue.SimpleQueue()
         self._is_closed = threading.Event()
         self._server = ActionServer(
             node,
-            action_type,
+            self._type,
             name,
             execute_callback=lambda _goal: None,  # each goal gets its own by end()
             callback_group=ReentrantCallbackGroup(),
@@ -295,14 +295,8 @@ class HeldNavigator:
 
 @pytest.fixture
 def held_navigator(node):
-    import nav2_msgs.action  # which some computers lack
-
-    def make(name):
-        navigator = HeldNavigator(node, nav2_msgs.action.NavigateToPose, name)
-        return stack.enter_context(contextlib.closing(navigator))
-
     with contextlib.ExitStack() as stack:
-        yield make
+        yield lambda name: stack.enter_context(contextlib.closing(HeldNavigator(node, name)))
 
 
 def publish(publisher, message) -> None:
@@ -420,11 +414,12 @@ class Operator:
         )
 
 
-class MissionThread(NodeProcess):
+class Mission(NodeProcess):
     """A mission in a thread of the test: the whole run, but for the signals, which belong to the process."""
 
-    def __init__(self, monkeypatch, capture, **parameters):  # no process is started
+    def __init__(self, monkeypatch, capture, folder: Path, **parameters):  # no process is started
         self.namespace = f'/test_{uuid.uuid4().hex[:8]}'
+        self.report_file = folder / 'report.jsonl'
         self.log = []  # once it has ended: what ROS logs, then what the mission prints
         self._capture = capture
         self._is_asked_to_end = threading.Event()
@@ -461,18 +456,7 @@ class MissionThread(NodeProcess):
         assert 'Traceback' not in logged, logged
         return exit_code
 
-
-def observations_in(report: Path) -> list[Observation]:
-    """Return the observations of a report, without an incomplete last line."""
-    return parse_report(report.read_bytes())[0]
-
-
-class RunningMission:
-    def __init__(self, run, report_file: Path):
-        self.run = run  # a NodeProcess or a MissionThread
-        self.report_file = report_file
-
-    def observations(self, mission_id: str = ''):
+    def observations(self, mission_id: str = '') -> list[Observation]:
         """Return the lines of the report so far; a mission that waits for its start has one for each id."""
         name = f'{self.report_file.stem}-{mission_id}.jsonl' if mission_id else self.report_file.name
         path = self.report_file.with_name(name)
@@ -483,16 +467,18 @@ class RunningMission:
         return [(each.tag_id, each.outcome) for each in self.observations(mission_id)]
 
     def lines_with(self, fragment: str) -> list[str]:
-        return [line for line in self.run.log if fragment in line]
+        return [line for line in self.log if fragment in line]
 
     def warnings(self) -> list[str]:
         """Return what the node of a mission that has ended logged above INFO."""
-        lines = self.lines_with(f'{self.run.namespace[1:]}.mission_orchestrator]')
-        assert lines, self.run.log
+        lines = self.lines_with(f'{self.namespace[1:]}.mission_orchestrator]')
+        assert lines, self.log
         return [line for line in lines if '[INFO]' not in line]
 
-    def __getattr__(self, name):
-        return getattr(self.run, name)
+
+def observations_in(report: Path) -> list[Observation]:
+    """Return the observations of a report, without an incomplete last line."""
+    return parse_report(report.read_bytes())[0]
 
 
 @pytest.fixture
@@ -517,9 +503,8 @@ def start_mission(settings, tmp_path, monkeypatch, capfd):
     with contextlib.ExitStack() as stack:
 
         def start(**parameters):
-            mission = MissionThread(monkeypatch, capfd, **{**settings, **parameters})
-            stack.callback(mission.close)
-            return RunningMission(mission, tmp_path / 'report.jsonl')
+            mission = Mission(monkeypatch, capfd, tmp_path, **{**settings, **parameters})
+            return stack.enter_context(contextlib.closing(mission))
 
         yield start
 
@@ -531,17 +516,5 @@ def start_waiting_mission(start_mission, node):
     def start(**parameters):
         mission = start_mission(**parameters, wait_for_start=True)
         return mission, Operator(node, mission.namespace)
-
-    return start
-
-
-@pytest.fixture
-def start_process(settings, start_node, tmp_path):
-    """Return a function that starts a mission as a process; it ends with the test."""
-
-    def start(command=None, environment=None, **parameters):
-        command = command or [executable('lupin_mission', 'mission_orchestrator')]
-        process = start_node(command, environment=environment, **{**settings, **parameters})
-        return RunningMission(process, tmp_path / 'report.jsonl')
 
     return start

@@ -233,8 +233,7 @@ def test_the_robot_visits_the_tags_of_the_room_that_it_stands_in(
         cut_off = 'cut off from the start at ({:g}, {:g})'.format(*place)
         for each in mission.observations(started):
             assert (each.outcome is Outcome.OK) == (each.tag_id in reached) == (cut_off not in each.detail)
-    mission.run.send()
-    mission.run.end()
+    mission.stop()
     rooms = mission.lines_with('its pose has ')
     assert (len(rooms), "tag '3'" in rooms[0]) == (3, True)
 

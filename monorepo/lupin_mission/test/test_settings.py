@@ -76,6 +76,7 @@ def test_each_parameter_has_its_type_and_its_limits(node):
         ({'tag_sequence': '2 1 1'}, "tag_sequence names '1' twice: a mission visits a tag once"),
         *(({'tag_poses_in_map': each}, 'must be true, false or empty') for each in ('yes', 'True', 2, None)),
         ({'bridge_service_name': ''}, "parameter bridge_service_name is '': must be words of letters"),
+        *(({each: 'a-b'}, 'must be words') for each in ('map_topic', 'visual_confirmation_service')),
         ({'mission_id_prefix': 'a/b'}, 'parameter mission_id_prefix is .*: must be'),
         *(
             ({each: ''}, f'parameter {each} is .*: must be the name')

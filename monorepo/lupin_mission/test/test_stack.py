@@ -2,8 +2,8 @@
 
 import itertools
 import json
-import os
 import re
+import sys
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 from lupin_mission import tags, transport
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
-from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber, publish
+from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subscriber, publish
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
@@ -183,17 +183,12 @@ def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
 
 
 def test_every_tag_of_the_bridge_is_read_on_a_machine_without_the_simulator_and_recorded_later(
-    start_process, start_bridge, start_node, node, twin, shipped_tags, tmp_path
+    start_waiting_mission, start_bridge, start_node, monkeypatch, twin, shipped_tags, tmp_path
 ):
     """The twin and the recorder start after the mission, and receive what was latched."""
-    (tmp_path / 'greenhouse_sim.py').write_text("raise ModuleNotFoundError('hidden')\n", encoding='utf-8')
-    mission = start_process(
-        environment={'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])},
-        bridge_service_name=start_bridge(debug_time_of_day=12.0).service_name,
-        wait_for_start=True,
-        **REAL,
-    )
-    operator, tag_ids = Operator(node, mission.namespace), sorted(shipped_tags, key=int)
+    service_name, tag_ids = start_bridge(debug_time_of_day=12.0).service_name, sorted(shipped_tags, key=int)
+    monkeypatch.setitem(sys.modules, 'greenhouse_sim', None)  # as if it was not installed
+    mission, operator = start_waiting_mission(**REAL, bridge_service_name=service_name)
     state = operator.wait_for(lifecycle_state='READY')
     assert (state.mission_id, state.mission_type, state.targets_total) == ('', '', 0)
     started = operator.start(mission_type='InspectionMission')
@@ -201,6 +196,7 @@ def test_every_tag_of_the_bridge_is_read_on_a_machine_without_the_simulator_and_
     assert done.targets_completed == len(tag_ids)
     late = twin()
     wait_until(lambda: received_tags(late) == tag_ids)
+    monkeypatch.delitem(sys.modules, 'greenhouse_sim')  # whose layout tells where the tags are
     rows = read_file(tmp_path / f'report-{started}.jsonl').rows
     topic = f'{mission.namespace}/{READINGS}'
     recorder = start_node(
