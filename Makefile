@@ -213,7 +213,7 @@ generate-check: env  ## check that both trees are what tools/core generates
 drift:  ## check that the two trees differ in the one allowed line only
 	@$(call QUOTED,$(PYTHON)) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
-test: lint generate-check drift  ## run all that CI checks of every change
+test: env  ## check the code, both trees and all packages
 	@$(RUN_TESTS) all
 
 test-tree: env  ## run the tests of the packages of TREE: make test-tree PACKAGES=monorepo/lupin_mission WORKERS=4
@@ -266,7 +266,7 @@ soak-check:
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short) $(ARGS)
 
-test-heavy: env  ## run the tests that take minutes, as CI does after make test
+test-heavy: env  ## run all other tests, as CI does after make test (half an hour)
 	@$(RUN_TESTS) heavy
 
 matrix: env  ## run the bridge's tests on every Python, distro and simulator here: PYTHONS= DISTROS= SIMULATORS=

@@ -19,7 +19,7 @@ from pathlib import Path
 from build import ROOT, Workspace, build, here
 from environment import DISTROS
 from jobs import Job, Tests, run
-from within import pip, within
+from within import pip, stand_ins, within
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 WORKERS = os.environ.get('WORKERS', '2')
@@ -29,6 +29,9 @@ PYTEST = ('python', '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '--in
 BOUNDED = (sys.executable, 'ci/kill_tree.py', 'timeout', '30m')
 # The tests of what the mirror has of its own: its messages, one line of the bridge, manifest and documents.
 OF_THE_MIRROR = [f'test/test_{name}.py' for name in ('client', 'documents', 'node', 'package', 'start_up')]
+OF_TOOLS = ('tools/tests', 'tools/draw/tests')
+MEASUREMENTS = 'tools/measure/tests'
+OF_RESULTS = 'ci/tests/test_checkout.py'  # reads those of the other tests
 APRILTAG_TESTS = (
     'lupin_tag_confirmation/test/test_images.py',
     'lupin_tag_confirmation/test/test_confirmation.py',
@@ -117,26 +120,39 @@ def test_tree() -> bool:
     return run(jobs_of_tree(here(), named or here().packages()), AT_ONCE)
 
 
+def prepared() -> bool:
+    """Build both trees and the stand-ins, and check the code meanwhile; return whether all is well."""
+    commands = {tree: ['env', f'TREE={tree}', sys.executable, 'ci/build.py'] for tree in TREES}
+    commands['stand-ins'] = [sys.executable, 'ci/within.py', '--stand-ins', 'true']
+    # Without the variables of `make test`, which lint does not take.
+    commands['lint'] = ['env', 'MAKEFLAGS=--no-print-directory', 'make', 'lint', 'generate-check', 'drift']
+    logs = here().venv / 'workspace'
+    jobs = [Job(name, command, logs / f'{name}.log') for name, command in commands.items()]
+    return run(jobs, at_once=len(jobs))
+
+
+def pytest_job(name: str, *pytest: str, above: tuple[Workspace, ...] = ()) -> Tests:
+    """Return a job for tests of ci/ or tools/."""
+    monorepo = Workspace(here().venv, 'monorepo')
+    command = monorepo.inside(*PYTEST, *pytest, above=above)
+    return Tests(name, [*BOUNDED, *command], monorepo.folder / f'{name}.log')
+
+
 def test_all() -> bool:
     """
-    Run the tests of the monorepo, of what only the mirror has, of tools/, and of ci/, which read results.
+    Check the code, and run the tests of the packages and of what a change of them can break.
 
     The drift checker proves that the rest of the mirror is the same; test_heavy runs all of its tests.
     """
     monorepo, mirror = (Workspace(here().venv, tree) for tree in TREES)
-    both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
-    jobs: list[Job] = [
-        *jobs_of_tree(mirror, mirror.packages(), OF_THE_MIRROR),
+    if not prepared():
+        return False
+    jobs = [  # long ones first
         *jobs_of_tree(monorepo, monorepo.packages()),
+        pytest_job('ci', '-n', WORKERS, '-m', 'not heavy', 'ci/tests', f'--ignore={OF_RESULTS}'),
+        *jobs_of_tree(mirror, mirror.packages(), OF_THE_MIRROR),
     ]
-    build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs'])
-
-    def tests(name: str, *folders: str) -> Tests:
-        pytest = [*PYTEST, '-n', WORKERS, '-m', 'not heavy', *folders]
-        return Tests(name, [*BOUNDED, *monorepo.inside(*pytest, above=(both,))], both.folder / f'{name}.log')
-
-    jobs.insert(2, tests('tools', 'tools/tests', 'tools/draw/tests'))  # long ones first
-    return run(jobs, AT_ONCE) and run([tests('ci', 'ci/tests')])
+    return run(jobs, AT_ONCE) and run([pytest_job('results', '-m', 'not heavy', OF_RESULTS)])
 
 
 def install_axe(venv: Path) -> None:
@@ -147,7 +163,7 @@ def install_axe(venv: Path) -> None:
 
 
 def test_heavy() -> bool:
-    """Run what takes minutes."""
+    """Run what takes minutes, and the tests of the programs in ci/ and tools/."""
     monorepo, mirror = (Workspace(here().venv, tree) for tree in TREES)
     for each in (monorepo, mirror):
         build(each, each.packages())
@@ -156,10 +172,12 @@ def test_heavy() -> bool:
     os.environ['MIRROR_VENV'] = str(other.venv)
     logs = monorepo.folder / 'heavy'
     itself = (sys.executable, 'ci/run_tests.py')
-    measurements = within(monorepo, *PYTEST, 'tools/measure/tests', has_stand_ins=True)
+    both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
+    build(both, mirror.packages('*_msgs'))
     jobs = [
         Job('Ubuntu 22.04', [*itself, 'ubuntu-22-04'], logs / 'ubuntu_22_04.log'),
-        Tests('measurements', [*BOUNDED, *measurements], logs / 'measurements.log'),
+        pytest_job('measurements', MEASUREMENTS, above=stand_ins(monorepo)),
+        pytest_job('tools', '-n', WORKERS, *OF_TOOLS, above=(both,)),
         Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'),
         *jobs_of_tree(other, other.packages()),
     ]
@@ -167,9 +185,8 @@ def test_heavy() -> bool:
         check_world = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
         world = [*BOUNDED, *within(monorepo, check_world, has_drake=True)]
         jobs.insert(2, Job('world', world, logs / 'world.log'))
-    heavy = [*BOUNDED, *monorepo.inside(*PYTEST, '-m', 'heavy', 'ci/tests')]
     # Last, because it reads the results of the mirror.
-    return run(jobs, AT_ONCE) and run([Tests('environments', heavy, logs / 'environments.log')])
+    return run(jobs, AT_ONCE) and run([pytest_job('ci', '-m', 'heavy', 'ci/tests')])
 
 
 def test_apriltag() -> bool:

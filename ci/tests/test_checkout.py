@@ -1,4 +1,4 @@
-"""What is committed, and that the tests of every package are found and ran."""
+"""What is committed, and that every package was built and its tests are found and ran."""
 
 import os
 import sys
@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 from conftest import ENVIRONMENTS, NEED_LAUNCH, ROOT, run, succeed
-from run_tests import OF_THE_MIRROR
+from run_tests import MEASUREMENTS, OF_RESULTS, OF_THE_MIRROR, OF_TOOLS
 
 ENTRIES = {'Makefile', 'README.md', 'ci', 'lupin_greenhouse_ros', 'monorepo', 'tools'}
 PACKAGES = [('monorepo', path.parent.name) for path in sorted(Path('monorepo').glob('*/test'))]
@@ -28,6 +28,14 @@ def test_a_clone_that_converts_line_ends_has_none_to_convert(tmp_path):
     assert [line for line in listed.splitlines() if 'w/crlf' in line or 'w/mixed' in line] == []
 
 
+def test_each_folder_of_tests_outside_of_the_packages_is_run():
+    written = succeed('git', 'ls-files', '*/tests/test_*.py').splitlines()
+    run_by_make = {'ci/tests', MEASUREMENTS, *OF_TOOLS}
+    assert {str(Path(each).parent) for each in written} == run_by_make
+    assert OF_RESULTS in written
+
+
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ('package', 'modules'),
     [
@@ -48,6 +56,16 @@ def test_every_test_module_is_collected_without_optional_modules(tmp_path, packa
     collected = {Path(line.partition('::')[0]).stem for line in listed.splitlines() if '::' in line}
     written = {path.stem for path in folder.glob('test/test_*.py')}
     assert collected | NEED_LAUNCH == written | NEED_LAUNCH
+
+
+@pytest.mark.parametrize('tree', ENVIRONMENTS)
+def test_every_package_of_the_tree_was_built_without_a_warning(tree):
+    """The output of the last build of each package by `make build`, which copies."""
+    logs = ENVIRONMENTS[tree] / 'workspace' / tree / 'log'
+    for package in sorted(Path(ROOT, tree).glob('lupin_*')):
+        last = max(logs.glob(f'build_*/{package.name}'), key=lambda folder: folder.stat().st_mtime)
+        assert (last / 'stderr.log').read_text() == ''
+        assert 'warning' not in (last / 'stdout_stderr.log').read_text().lower()
 
 
 def results_of(tree, package='lupin_greenhouse_bridge'):

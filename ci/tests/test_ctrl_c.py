@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+pytestmark = pytest.mark.heavy
 READ_TAG = f'{os.environ["LUPIN_EXECUTABLES"]}/read_tag'
 # The command, and the module in whose import it is held.
 HELD = {

@@ -13,6 +13,7 @@ import environment
 import pytest
 from conftest import ROOT, make, of_a_user, run, succeed
 
+pytestmark = pytest.mark.heavy
 CI = ROOT / 'ci'
 
 
@@ -68,7 +69,6 @@ def one_pin(tmp_path, monkeypatch):
     return two[0].strip()
 
 
-@pytest.mark.heavy
 @pytest.mark.parametrize('installer', ['uv', 'pip'])
 def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, monkeypatch, capsys, installer):
     if installer == 'pip':
@@ -213,7 +213,6 @@ def test_pre_commit_comes_with_the_environment():
     succeed(sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml')
 
 
-@pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     """A second prefix, set up like a sourced setup.bash, replaces the wheels."""
     prefix = Path(sys.prefix)
@@ -247,7 +246,6 @@ def test_a_folder_for_the_environment_is_taken_as_it_is(given):
     assert environment.unusable_characters(venv) == ''
 
 
-@pytest.mark.heavy
 def test_without_a_network_one_line_names_it(tmp_path):
     dead = dict.fromkeys(('HTTPS_PROXY', 'HTTP_PROXY', 'ALL_PROXY'), 'http://127.0.0.1:9')
     empty = {'UV_CACHE_DIR': str(tmp_path / 'uv'), 'PIP_CACHE_DIR': str(tmp_path / 'pip')}

@@ -11,6 +11,7 @@ import jobs
 import pytest
 from conftest import run as run_command
 
+pytestmark = pytest.mark.heavy
 TESTS = """
 import pytest
 @pytest.mark.parametrize('number', range(5), ids=lambda number: f'{number}{90 * "a"}')  # as wide as a line

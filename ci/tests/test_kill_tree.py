@@ -13,6 +13,7 @@ import kill_tree
 import pytest
 from conftest import start
 
+pytestmark = pytest.mark.heavy
 PATIENCE_SECONDS = 60.0
 # Background jobs: plain, under timeout, in a session of its own, deaf to SIGTERM, orphaned.
 STUBBORN = """
@@ -72,7 +73,6 @@ def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, 
     assert not marked(mark)
 
 
-@pytest.mark.heavy
 @pytest.mark.parametrize('target', ['test', 'soak'])
 def test_ctrl_c_on_make_ends_all_that_it_started(mark, target):
     process = start('make', target, LUPIN_TEST_MARK=mark)

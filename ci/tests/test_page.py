@@ -18,7 +18,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
 from PIL import ImageColor
 
-pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)
+pytestmark = [pytest.mark.heavy, pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)]
 START_S = 1795190000
 EVIL = '<img src=x onerror=alert(1)><script>alert(1)</script><b>&amp;'
 # ci/run_tests.py installs it with npm.
@@ -500,7 +500,6 @@ def test_charts_fill_the_width_in_rows_and_a_moment_is_at_the_same_place_in_thos
     assert page.complaints == []
 
 
-@pytest.mark.heavy
 @pytest.mark.skipif(
     not AXE.exists(), reason='axe-core is missing: sudo apt install npm, then make test-heavy'
 )

@@ -10,6 +10,7 @@ from conftest import ROOT, Shell, of_a_user, succeed
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.units import name_of
 
+pytestmark = pytest.mark.heavy
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
 THREAD = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
 
@@ -27,7 +28,6 @@ def run_console(shell: Shell, block: str) -> None:
         assert without_noise(shown).strip() in without_noise(printed), printed
 
 
-@pytest.mark.heavy
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
@@ -48,7 +48,6 @@ def test_the_tutorial(copy, open_shell):
         assert (copy / name).stat().st_size > 0
 
 
-@pytest.mark.heavy
 def test_the_course(open_shell):
     """Three teams and a lecturer on one machine, in one shell."""
     shell = open_shell()
@@ -64,7 +63,6 @@ def test_the_course(open_shell):
     shell.run(end)
 
 
-@pytest.mark.heavy
 def test_the_thread_of_the_readme(copy):
     """A mission drives to every tag; its report, its record and its page have the same values."""
     (block,) = [

@@ -8,6 +8,7 @@ import pytest
 from conftest import needs_drake, run
 from lupin_greenhouse_bridge.testing._helpers import executable
 
+pytestmark = [pytest.mark.heavy, needs_drake]
 CHANGED = """
 import dataclasses, math, sys
 from lupin_simulation import check_world, sdf
@@ -51,8 +52,6 @@ def check_world(folder, layout, change=''):
     return with_drake(*command, '--tag-file', str(tag_file), *walls)
 
 
-@needs_drake
-@pytest.mark.heavy
 @pytest.mark.parametrize(
     ('tables', 'places', 'in_sight'),
     [(THREE_TABLES, {2: 12, 3: 6}, 2), ({}, {3: 18}, 3)],  # a table hides tag 0 wherever there is a place
@@ -70,8 +69,6 @@ def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, t
     assert sum('from behind: 0 of 3 read' in line for line in lines) == 2
 
 
-@needs_drake
-@pytest.mark.heavy
 @pytest.mark.parametrize(
     ('change', 'finding'),
     [
@@ -87,8 +84,6 @@ def test_a_wrong_world_is_noticed(tmp_path, change, finding):
     assert result.stdout.endswith('the world is WRONG\n')
 
 
-@needs_drake
-@pytest.mark.heavy
 def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path):
     world_file = tmp_path / 'broken.sdf'
     world_file.write_text('<sdf version="1.6"><world>', encoding='utf-8')
