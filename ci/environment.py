@@ -20,6 +20,7 @@ import ctrl_c  # noqa: F401
 import hashlib
 import importlib.util
 import os
+import platform
 import re
 import shlex
 import shutil
@@ -59,6 +60,11 @@ def missing_prerequisites(ros_distro: str | None) -> list[str]:
         (has_venv, f'the venv module of {sys.executable}', 'python3-venv'),
         (has_header, f'Python.h of {sys.executable}', 'python3-dev'),
         (not ros_distro or shutil.which('cmake'), 'cmake', 'cmake'),
+        (
+            ros_distro or platform.machine() == 'x86_64',
+            f'a sourced ROS 2 (there are no wheels for {platform.machine()})',
+            'ros-jazzy-ros-base, source /opt/ros/jazzy/setup.bash',
+        ),
     ]
     for variable, default in (('CC', 'cc'), ('CXX', 'c++')):
         command = (os.environ.get(variable, '').split() or [default])[0]

@@ -153,6 +153,11 @@ def test_a_full_disk_is_named(refusal, tmp_path, monkeypatch):
         ('ensurepip', f'the venv module of {sys.executable} is missing: sudo apt install python3-venv'),
         ('Python.h', f'Python.h of {sys.executable} is missing: sudo apt install python3-dev'),
         ('cmake', 'cmake is missing: sudo apt install cmake'),
+        (
+            'x86_64',
+            'a sourced ROS 2 (there are no wheels for aarch64) is missing:'
+            ' sudo apt install ros-jazzy-ros-base, source /opt/ros/jazzy/setup.bash',
+        ),
     ],
 )
 def test_each_missing_prerequisite_is_named_with_its_package(
@@ -164,6 +169,8 @@ def test_each_missing_prerequisite_is_named_with_its_package(
     for module, name in ((shutil, 'which'), (environment.importlib.util, 'find_spec')):
         find = getattr(module, name)
         monkeypatch.setattr(module, name, lambda each, find=find: None if each == without else find(each))
+    if without == 'x86_64':
+        monkeypatch.setattr(environment.platform, 'machine', lambda: 'aarch64')
     if without == 'Python.h':
         monkeypatch.setattr(environment.sysconfig, 'get_path', lambda _name: str(tmp_path))
     assert refusal() == f'environment: {missing}'
