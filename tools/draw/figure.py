@@ -123,7 +123,8 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     ticks = range(0, 25, 6)
     all_axes[-1].set_xlabel('time of day in the greenhouse')
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
-    figure.suptitle(f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured')
+    title = f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured'
+    figure.suptitle(title, weight='bold')
     names = 'without noise', '90 % of the readings'
     figure.legend([line, band], names, loc='outside lower center', ncols=2, frameon=False)
     return figure

@@ -149,11 +149,12 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         for tag_id, word in failed.items()
         if tag_id in dots
     ]
-    labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
+    ends = ends_of_path(route).items()
+    labels += [(word.replace(' ', '\n'), end, colours.ROUTE) for word, end in ends]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
     taken = [*dots.values(), *way]
-    taken += _write_labels(axes, labels, [*taken, *tables], shown)
+    taken += _write_labels(axes, labels, [*taken, *tables], shown, weight='bold')
     ids = [(tag_id, dot, '0.35') for tag_id, dot in dots.items() if tag_id not in failed]
     _write_labels(axes, ids, taken, shown)
     _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags], 60)
@@ -198,14 +199,14 @@ def _write_title(axes: Any, title: str, more: str) -> None:
 
 
 def _write_labels(
-    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse
+    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse, **more: Any
 ) -> list[Box]:
     """Write labels with a white outline, so that no line touches them."""
     from matplotlib.patheffects import withStroke
 
     size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
+    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4, **more}
     return drawings.write_labels(axes, labels, size, taken, bounds, **style)
 
 
@@ -266,8 +267,8 @@ def _write_texts(
     ]
     width = figure.get_figwidth() * CHARACTERS
     title = _time_text('Greenhouse readings, %d %b %Y', last)
-    lines = _lines_of([(title, 'black')], width, {'fontsize': 15, 'fontweight': 'bold'})
-    lines += _lines_of(headline, width, {'fontsize': 12, 'fontweight': 'bold'})
+    lines = _lines_of(headline, width, {'fontsize': 15, 'fontweight': 'bold'})
+    lines += _lines_of([(title, 'black')], width, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
         parts = textwrap.wrap(text, int(width / 11))

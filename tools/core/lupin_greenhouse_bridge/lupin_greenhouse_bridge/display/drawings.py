@@ -53,7 +53,7 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
-TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
+TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 # In the key, as the next one.
 ROBOT = point_style('$❼▸$', colours.ROUTE, 17, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
@@ -82,7 +82,7 @@ class LabelSize(NamedTuple):
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number at a robot's centre
-SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}22', 'edgecolor': colours.ROUTE, 'linewidth': 0.9}
+SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}30', 'linewidth': 0}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
 
@@ -192,8 +192,8 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
 
 
 def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box] = ()) -> None:
-    """Draw a thin path from a circle to a square, with its marks and arrows where none of these stops is."""
-    axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
+    """Draw a path from a circle to a square, with its marks and arrows where none of these stops is."""
+    axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=1.2, zorder=1.5)
     head = '-|>,head_width=0.15,head_length=0.5'
     style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
     every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
@@ -244,8 +244,8 @@ def draw_route(
         _draw_map(axes, occupancy)
     draw_greenhouse(axes, layout, walls)
     axes.set_ylabel('y (m)')
-    counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
-    axes.set_title(f'Where a robot stands to read each tag\n{counts}', fontsize=POINTS)
+    title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
+    axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     sights = {tag_id: (pose[:2], layout.tags[tag_id][:2]) for tag_id, pose in poses.items()}
     sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
     for line in sights.values():
@@ -266,7 +266,8 @@ def draw_route(
     has_room = math.hypot(*digits) < robot_m
     if has_room:
         taken += _write_numbers(axes, stops, robot_radius_m, digits)
-    labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
+    ends = [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
+    taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
