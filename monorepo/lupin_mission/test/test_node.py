@@ -10,7 +10,7 @@ from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing._helpers import executable, has_found_a_client, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS
-from lupin_mission import mission_orchestrator, tags
+from lupin_mission import mission_orchestrator, tags, transport
 from lupin_mission.settings import Settings
 from lupin_mission.transport import Transport
 from lupin_mission.visit import Request, Service
@@ -173,7 +173,9 @@ def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_m
     assert len(mission.lines_with('/nobody/get_tag_reading is not found with ROS_DOMAIN_ID=')) == 1
 
 
-def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
+def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader, monkeypatch):
+    """Two servers of the service are named once; tests of the bridge's package hold how they are found."""
+    monkeypatch.setattr(transport, 'duplicate_server_warning', lambda _node, name: f'{name} has two servers')
     mission = start_mission(**READER, tag_sequence='1 2 3 4 5', max_attempts=1)
     reader.answer(status=GetTagReading.Response.STATUS_UNKNOWN_TAG, error_message='who?')
     reader.answer(status=GetTagReading.Response.STATUS_SIMULATOR_ERROR, error_message='broken')
@@ -189,6 +191,7 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
         ('5', Outcome.BAD_READING),
     ]
     assert mission.lines_with('who?')
+    assert len(mission.lines_with('/held/get_tag_reading has two servers')) == 1
     assert mission.log[-1] == '0/5 tags read'
 
 

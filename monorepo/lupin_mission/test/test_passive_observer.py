@@ -126,8 +126,6 @@ def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nod
     assert stack.place_of('7') == pytest.approx((8.0, 21.0))
     stack.discover('7', 3.0, 4.0)
     assert stack.place_of('7') == (3.0, 4.0)
-    stack.discover('999', 3.0, 4.0)
-    assert stack.place_of('999') == (3.0, 4.0)
     assert stack.place_of('888') == (5.0, 6.0)
 
 

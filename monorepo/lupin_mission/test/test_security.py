@@ -7,7 +7,6 @@ import pytest
 from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 
 OWN_POLICY = Path(__file__).resolve().parent.parent / 'security/policy.xml'
-POLICY = ElementTree.parse(OWN_POLICY).getroot()
 BRIDGES_POLICY = Path(__file__).resolve().parents[2] / 'lupin_greenhouse_bridge/security/policy.xml'
 # Distros before Jazzy do not have it; an unused right does no harm.
 NOT_EVERYWHERE = 'get_type_description'
@@ -17,10 +16,9 @@ PARTS_OF_AN_ACTION = {
 }  # by the right that a caller needs
 
 
-def rights_of(node: str, enclave: str, policy=POLICY) -> dict[str, set[str]]:
+def rights_of(node: str, enclave: str, path=OWN_POLICY) -> dict[str, set[str]]:
     """Return the names that each right of a node covers, with `~` spelt out."""
-    (root,) = [each for each in policy.iter('enclave') if each.get('path') == enclave]
-    (profile,) = [each for each in root.iter('profile') if each.get('node') == node]
+    (profile,) = ElementTree.parse(path).findall(f".//enclave[@path='{enclave}']//profile[@node='{node}']")
     own = f'{profile.get("ns").rstrip("/")}/{node}'
     rights = {right: set() for right in ('reply', 'request', 'publish', 'subscribe')}
     for group in profile:
@@ -39,13 +37,9 @@ def created_by(graph, node: str, namespace: str) -> dict[str, set[str]]:
     """Return what a node has created, by the right that it needs."""
     if (node, namespace) not in graph.get_node_names_and_namespaces():
         return {}
-    found = {
-        'reply': graph.get_service_names_and_types_by_node(node, namespace),
-        'request': graph.get_client_names_and_types_by_node(node, namespace),
-        'publish': graph.get_publisher_names_and_types_by_node(node, namespace),
-        'subscribe': graph.get_subscriber_names_and_types_by_node(node, namespace),
-    }
-    return {right: {name for name, _ in names} for right, names in found.items()}
+    kinds = {'reply': 'service', 'request': 'client', 'publish': 'publisher', 'subscribe': 'subscriber'}
+    of_node = {each: getattr(graph, f'get_{kinds[each]}_names_and_types_by_node') for each in kinds}
+    return {right: {name for name, _ in found(node, namespace)} for right, found in of_node.items()}
 
 
 def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
@@ -82,5 +76,4 @@ def test_the_launch_gives_each_node_what_its_own_enclave_gives():
         ('mission_orchestrator', '/mission', OWN_POLICY),
         ('greenhouse_bridge', '/greenhouse_bridge', BRIDGES_POLICY),
     ):
-        own = rights_of(node, enclave, ElementTree.parse(path).getroot())
-        assert rights_of(node, '/mission_launch') == own
+        assert rights_of(node, '/mission_launch') == rights_of(node, enclave, path)

@@ -75,16 +75,13 @@ def test_a_world_without_clear_tags_is_refused(tmp_path, text, fragment):
         read_world(str(path))
 
 
-@pytest.mark.parametrize('has_poses', [True, False])
 def test_perception_comes_first_then_the_registered_layout_if_it_lies_in_the_map_then_the_robot(
-    start_waiting_mission, reader, confirmer, twin, node, tmp_path, shipped_tags, has_poses
+    start_waiting_mission, reader, confirmer, twin, node, tmp_path, shipped_tags
 ):
     """The layout has tags 1 and 2; perception has discovered 1 and 777. The robot stands at x = 5."""
     frame_id, tag_ids, subscriber = 'robot1/map', ('1', '2', '777', '888'), twin()
     write_transform(tmp_path / 'layout.yaml', TRANSFORM, frame_id)
     parameters = {'layout_in_map': tmp_path / 'layout.yaml', 'frame_id': frame_id}
-    if not has_poses:
-        parameters['tag_poses_in_map'] = False
     mission, operator = start_waiting_mission(**CAMERA, **parameters, tag_sequence=' '.join(tag_ids))
     tags = discovered(('1', 7.0, 0.0, 1.0), ('777', 7.0, 0.0, 1.0), frame_id=frame_id)
     robot = localized(5.0, 0.0, frame_id)
@@ -99,7 +96,7 @@ def test_perception_comes_first_then_the_registered_layout_if_it_lies_in_the_map
     places = [
         (each.tag_pose_in_map.position.x, each.tag_pose_in_map.position.y) for each in subscriber.received
     ]
-    second = TRANSFORM.point(shipped_tags['2']['x'], shipped_tags['2']['y']) if has_poses else (5.0, 0.0)
+    second = TRANSFORM.point(shipped_tags['2']['x'], shipped_tags['2']['y'])
     assert places == [(7.0, 0.0), pytest.approx(second), (7.0, 0.0), (5.0, 0.0)]
     assert {each.tag_pose_in_map.orientation.w for each in subscriber.received} == {1.0}
 
