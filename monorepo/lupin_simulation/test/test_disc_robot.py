@@ -67,25 +67,24 @@ def test_a_robot_that_cannot_start_is_refused(parameters, problem):
         Settings(**parameters).free_space()
 
 
-RECTANGLES = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
+ACCEPTED = {
+    'blocked': 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1',
+    'start_pose': 'x, y and yaw in radians: "0.5 0.5 0.0", or an array',
+}
 
 
 @pytest.mark.parametrize(
-    ('name', 'values', 'accepted'),
+    ('name', 'values'),
     [
-        ('blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 0 0 1', 7, [1.0, 2.0]], RECTANGLES),
-        (
-            'start_pose',
-            ['', '1 2 up', '1 2 90', '1 2 3 4'],
-            'x, y and yaw in radians: "0.5 0.5 0.0", or an array',
-        ),
+        ('blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 0 0 1', 7, [1.0, 2.0]]),
+        ('start_pose', ['', '1 2 up', '1 2 90', '1 2 3 4']),
     ],
 )
-def test_wrong_numbers_are_refused(name, values, accepted):
+def test_wrong_numbers_are_refused(name, values):
     for value in values:
         with pytest.raises(StartUpError) as refusal:
             Settings(**{name: value})
-        assert str(refusal.value) == f'parameter {name} is {value!r}: must be {accepted}'
+        assert str(refusal.value) == f'parameter {name} is {value!r}: must be {ACCEPTED[name]}'
 
 
 @pytest.mark.parametrize('node', [navigator_settings, fake_camera, world_camera])

@@ -1,4 +1,4 @@
-"""The criteria for a tag: age, hamming distance, decision margin, number of frames."""
+"""The criteria for a tag: age, decision margin, number of frames."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ from lupin_tag_confirmation.settings import Settings
 NOW = 1000.0  # by both clocks
 
 
-def tag(number, *, hamming=0, margin=100.0) -> Detection:
-    return Detection(number, hamming, margin, np.zeros((4, 2)))
+def tag(number, margin=100.0) -> Detection:
+    return Detection(number, 0, margin, np.zeros((4, 2)))
 
 
 GOOD = tag(7)
@@ -61,13 +61,8 @@ def answer(confirmer, tag_id='7') -> tuple[float, str]:
     [
         ([[], []], {}, 'no tag in view in 2 images'),
         ([[tag(9), tag(8)]] * 2, {}, 'other tag ids in view: 8, 9'),
-        ([[tag(7, hamming=1)]] * 2, {}, 'in view, but with 1 corrected bit, at most 0 allowed'),
-        ([[tag(7, margin=19.9)]] * 2, {}, 'in view, but unclear: decision margin 20, 20 needed'),
-        (
-            [frame_of([GOOD], NOW, NOW - age) for age in (9.0, 3.0)],
-            {},
-            'the last image came 3.0 s ago: older',
-        ),
+        ([[tag(7, 19.9)]] * 2, {}, 'in view, but unclear: decision margin 20, 20 needed'),
+        ([frame_of([GOOD], NOW, NOW - age) for age in (9.0, 3.0)], {}, 'the last image came 3.0 s ago'),
         ([refused('first'), refused('last')], {}, 'last'),
         ([refused(), [GOOD]], {}, 'seen in 1 of the 2 images needed'),
         # Too few images are said before what is in them.
@@ -117,7 +112,7 @@ def test_frames_are_searched_only_when_asked_each_once_and_the_newest_first():
 
 @pytest.mark.parametrize('margin', [20.0, 0.0])  # of a detector that does not report it, it is 0
 def test_a_detection_at_the_limit_counts_whatever_the_other_frames_show(margin):
-    detection = tag(7, margin=margin)
+    detection = tag(7, margin)
     assert answer(confirmer([detection], [], [detection])) == (1.0, '')
 
 
@@ -135,9 +130,7 @@ def test_a_frame_counts_up_to_its_longest_age(aged):
         assert answer(confirmer(aged(age), aged(age), max_image_age_seconds=0.5))[0] == confidence
 
 
-@pytest.mark.parametrize(
-    'tag_id', ['', '07', ' 7', '7 ', '+7', '-7', '587', '1000', '\uff17', '7\n', 'seven', 'x' * 1000]
-)
+@pytest.mark.parametrize('tag_id', ['', '07', '-7', '587', '\uff17', '7\n', 'x' * 1000])
 def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
     with pytest.raises(UnknownTagId) as refusal:
         tag_number(tag_id)

@@ -48,8 +48,7 @@ def test_every_encoding_with_any_step_gives_the_brightness(encoding, height, wid
 @pytest.mark.parametrize(
     ('encoding', 'height', 'width', 'step', 'size', 'fragment'),
     [
-        ('16UC1', 20, 20, 40, 800, "encoding '16UC1' is not one of mono8, 8UC1, rgb8"),
-        ('x' * 1000, 20, 20, 20, 400, 'is not one of'),
+        ('16UC1' * 200, 20, 20, 40, 800, "16UC1' is not one of mono8, 8UC1, rgb8"),
         ('mono8', 20, 15, 15, 300, 'the image has 15 x 20 pixels: each side must have 16 to 16384'),
         ('mono8', 20, 2**32 - 1, 2**32 - 1, 400, 'each side must have 16 to 16384'),
         ('mono8', 16384, 1025, 1025, 400, f'at most {MOST_PIXELS} are allowed'),
@@ -108,9 +107,7 @@ def test_jpeg_and_png_give_the_brightness(content):
     [
         (b'GIF89a' + bytes(100), 'the 106 bytes are not a JPEG or PNG image'),
         (bytes(12) + encoded('PNG'), 'are not a JPEG or PNG image'),  # as compressedDepth
-        (encoded('JPEG')[:300], 'the image cannot be decoded'),
         (encoded('PNG')[:50] + bytes(50) + encoded('PNG')[100:], 'the image cannot be decoded'),
-        (png_header(40, 30), 'the image cannot be decoded'),
         (png_header(100_000, 100_000), f'claims too many pixels: at most {MOST_PIXELS} are allowed'),
         (png_header(2, 200), '2 x 200 pixels: each side must have 16'),
         (png_header(0, 0), 'not a JPEG or PNG image'),
