@@ -1,5 +1,5 @@
 """
-Check the documents: links, shell blocks, parameters, ranges of sensors, ROS graphs, files of tests.
+Check the documents: links, shell blocks, parameters, ROS graphs, files of tests.
 
     make docs-check
 
@@ -15,10 +15,6 @@ A table with a column `default` is preceded by the class with these parameters:
                                              the tables of a class together have all of them
 
 Every node of the packages has such a class. The commands list their options with --help.
-
-A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
-
-    <!-- ranges of mdp-greenhouse VERSION -->
 
 A flowchart is a ROS graph. What its lines say of our nodes is in ROS too, and all that our nodes have in ROS
 is in some graph. The arrow of a topic is `-->`, of a service `-.->`, of an action `==>`:
@@ -46,23 +42,16 @@ import rclpy
 from jobs import end
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.parameters import default_text
-from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.units import unit_of
 from rclpy.action import graph as actions
 from rclpy.node import Node
 
 Facts: TypeAlias = dict[str, set[str]]  # the rows of each table by its mark, and the ends of the graphs
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-TABLE = re.compile(
-    r'(?:^<!-- (.+?) -->\n)?^\| (?:\w+ \| (default)|sensor \| lowest) \|.*\n^\|[-|]+\n((?:^\|.*\n)+)',
-    re.MULTILINE,
-)
+TABLE = re.compile(r'(?:^<!-- (.+?) -->\n)?^\| \w+ \| default \|.*\n^\|[-|]+\n((?:^\|.*\n)+)', re.MULTILINE)
 LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # the latter of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 GRAPH_LINE = re.compile(r'    (\w+).* (-->|-\.->|==>) \w+\["(\S+)<br>(\w+)"\] \2 (\w+.*)')
-RANGES = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
 GRAPHS = 'ROS graphs'
 NODES = {
     'greenhouse_bridge': 'lupin_greenhouse_bridge.bridge_node.GreenhouseBridgeNode',
@@ -89,13 +78,12 @@ class Document:
         self.graph_lines = [line for graph in graphs for line in graph.splitlines()[1:]]
 
     def facts(self) -> Facts:
-        """Return what the document says of parameters, ranges and graphs."""
+        """Return what the document says of parameters and graphs."""
         said: Facts = {GRAPHS: {each for line in self.graph_lines for each in ends_in(line)}}
-        for mark, is_of_parameters, rows in TABLE.findall(self.text):
+        for mark, rows in TABLE.findall(self.text):
             for row in rows.splitlines():
                 name, default, *_ = (cell.strip(' `') for cell in row.strip('|').split('|'))
-                parameter = f'| {name} | {default} |'.replace("''", 'empty')
-                said.setdefault(mark, set()).add(parameter if is_of_parameters else row)
+                said.setdefault(mark, set()).add(f'| {name} | {default} |'.replace("''", 'empty'))
         return said
 
     def anchors(self) -> set[str]:
@@ -180,28 +168,9 @@ def ends_in_ros(name: str) -> Iterator[str]:
         rclpy.shutdown()
 
 
-def sensor_ranges() -> Iterator[str]:
-    """Yield a row for each sensor: the range at all tags and half hours without noise, unit and noise."""
-    greenhouse = simulation.load(Settings(debug_time_of_day=0.0), tag_file=None, sim_config_file=None)
-    config = greenhouse.sim.sim_config
-    noises = {}
-    for name, components in config['sensors'].items():
-        noises[name] = max(component['noise_sigma'] for component in components)
-        for component in components:
-            component['noise_sigma'] = 0.0
-    values: dict[str, list[float]] = {name: [] for name in noises}
-    for half_hours in range(48):
-        config['time']['debug_time_of_day'] = half_hours / 2
-        for tag_id in greenhouse.tag_ids:
-            for name, value in simulation.read(greenhouse.sim, tag_id)[1].items():
-                values[name].append(value)
-    for name, found in values.items():
-        yield f'| {name} | {min(found):.3g} | {max(found):.3g} | {unit_of(name)} | {noises[name]:g} |'
-
-
 def facts_in_code() -> Facts:
-    """Return what the documents must say, and nothing else: of all nodes, and of the simulator."""
-    facts = {RANGES: set(sensor_ranges()), GRAPHS: {each for name in NODES for each in ends_in_ros(name)}}
+    """Return what the documents must say of all nodes, and nothing else."""
+    facts = {GRAPHS: {each for name in NODES for each in ends_in_ros(name)}}
     for command in importlib.metadata.entry_points(group='console_scripts'):
         if command.module.startswith('lupin_'):
             module = importlib.import_module(command.load().args[0])
@@ -223,7 +192,7 @@ def wrong_facts(document: Document, right: Facts) -> Iterator[str]:
         if mark in right:
             yield from (f'wrong in the {mark}: {row}' for row in sorted(rows - right[mark]))
         else:
-            yield f'mark this table with `parameters of MODULE.CLASS`, or with `{RANGES}`: {min(rows)}'
+            yield f'mark this table with `parameters of MODULE.CLASS`: {min(rows)}'
 
 
 def findings_of(documents: list[Document], right: Facts) -> Iterator[str]:

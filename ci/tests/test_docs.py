@@ -65,12 +65,12 @@ def alone_in_ros(monkeypatch):
 
 @pytest.fixture(scope='module')
 def facts():
-    """Return what documents must say of the bridge and of the simulator."""
+    """Return what documents must say of the bridge."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(docs_check, 'NODES', {'greenhouse_bridge': docs_check.NODES['greenhouse_bridge']})
         found = docs_check.facts_in_code()
     assert OF_BRIDGE.replace('.settings.', '.reading.read_on_sight.') in found
-    return {mark: found[mark] for mark in (OF_BRIDGE, docs_check.RANGES, docs_check.GRAPHS)}
+    return {mark: found[mark] for mark in (OF_BRIDGE, docs_check.GRAPHS)}
 
 
 @pytest.fixture
@@ -118,15 +118,6 @@ Shown by `test_it.py`.
 | `speedup_factor` | `0.0` | simulated seconds per second |
 | `debug_seed` | `-1` | a seed |
 
-<!-- ranges of mdp-greenhouse 1.0.8 -->
-| sensor | lowest | highest | unit | noise |
-|---|---|---|---|---|
-| temperature | 5.66 | 27 | °C | 0 |
-| humidity | 35.5 | 74.7 | % | 1 |
-| co2 | 400 | 610 | ppm | 30 |
-| soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |
-| light | 755 | 989 | lx | 10 |
-
 ```mermaid
 flowchart LR
     node([your node]) -.-> x["/greenhouse_bridge/<br>get_tag_reading<br>GetTagReading"] -.-> greenhouse_bridge
@@ -153,9 +144,6 @@ def test_a_good_document_has_no_findings(findings):
         ('| `debug_seed` | `-1` | a seed |\n', '', f'has this in the {OF_BRIDGE}: | debug_seed | -1 |'),
         ('debug_seed', 'debug_sed', f'wrong in the {OF_BRIDGE}: | debug_sed | -1 |'),
         ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of'),
-        ('0.737', '0.6', '1.0.8: | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
-        ('0.737', '73.7', 'wrong in the ranges of mdp-greenhouse 1.0.8: | soil_moisture | 0.3 | 73.7 |'),
-        ('greenhouse 1.0.8', 'greenhouse 1.0.7', 'or with `ranges of mdp-greenhouse 1.0.8`: | co2 | 400 |'),
         (
             '<br>GetTagReading',
             '<br>GetReading',

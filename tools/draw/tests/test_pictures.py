@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ import tag_sheet
 import yaml
 from lupin_greenhouse_bridge.display import placing
 from lupin_greenhouse_bridge.simulator.layout import require_layout
+from lupin_greenhouse_bridge.units import unit_of
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.contour import ContourSet
@@ -328,6 +330,20 @@ def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
 
 def shipped(name: str) -> dict:
     return yaml.safe_load(Path(simulated.shipped_file(name)).read_text(encoding='utf-8'))
+
+
+def test_the_page_of_the_simulator_has_the_range_and_the_noise_of_each_sensor():
+    """Over all tags and half hours, without noise."""
+    greenhouse, config = simulated.Greenhouse('', ''), shipped('greenhouse_config.yaml')['sensors']
+    rows = set()
+    for name in greenhouse.sensors:
+        places = [tag[:2] for tag in greenhouse.layout.tags.values() if name in tag.sensors]
+        values = [greenhouse.value(name, place, half / 2) for place in places for half in range(48)]
+        noise = max(component['noise_sigma'] for component in config[name])
+        rows.add(f'| {name} | {min(values):.3g} | {max(values):.3g} | {unit_of(name)} | {noise:g} |')
+    page = (figure.COMMITTED / 'simulator.md').read_text(encoding='utf-8')
+    mark = f'<!-- ranges of mdp-greenhouse {version("mdp-greenhouse")} -->\n'
+    assert set(page.partition(mark)[2].partition('\n\n')[0].splitlines()[2:]) == rows
 
 
 def test_the_colours_of_values_read_in_black_and_white():
