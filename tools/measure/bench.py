@@ -37,7 +37,7 @@ from traffic import ClientProcess, Counts, start_clients
 HERE = Path(__file__).resolve().parent
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
 PLAIN_WRAPPER = f'{sys.executable} {HERE / "plain_wrapper.py"}'
-PARTS = ('latency', 'throughput', 'start', 'idle', 'growth')
+PARTS = ('latency', 'throughput', 'start', 'idle')
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
 Array: TypeAlias = 'npt.NDArray[np.float64]'
 
@@ -45,9 +45,9 @@ Array: TypeAlias = 'npt.NDArray[np.float64]'
 class NamedServer(Server):
     """A server in the namespace of its name."""
 
-    def __init__(self, command: str, name: str, **parameters: object):
+    def __init__(self, command: str, name: str):
         self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
-        super().__init__(*shlex.split(command), namespace=f'/{name}', **parameters)
+        super().__init__(*shlex.split(command), namespace=f'/{name}')
 
     def cpu_seconds(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
@@ -91,11 +91,6 @@ def digits(value: float) -> str:
     return f'{value:,.0f}' if value >= 1000 else f'{value:.4g}'
 
 
-def print_row(*cells: str) -> None:
-    """Print a row of the table."""
-    print('|', ' | '.join(cells), '|', flush=True)
-
-
 class Bench:
     """Measures, and prints the table row by row."""
 
@@ -116,8 +111,8 @@ class Bench:
         row |= {'middle_half': [low, high], 'rounds': len(rounds)}
         self.rows.append(row)
         spread = f' [{low:.3f}, {high:.3f}]' if len(rounds) > 1 else ''
-        sides = [f'{digits(value)} {unit}' for value in (subject, baseline)]
-        print_row(figure, *sides, f'{ratio:.3f}{spread}')
+        sides = ' | '.join(f'{digits(value)} {unit}' for value in (subject, baseline))
+        print(f'| {figure} | {sides} | {ratio:.3f}{spread} |', flush=True)
 
     def latency(self) -> None:
         """
@@ -164,7 +159,7 @@ class Bench:
             lost = [sum(each['timed out'] for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
             self.rows.append({'figure': figure, 'subject': lost[0], 'baseline': lost[1]})
-            print_row(figure, str(lost[0]), str(lost[1]), '')
+            print(f'| {figure} | {lost[0]} | {lost[1]} |  |', flush=True)
 
     def start(self) -> None:
         """Time a server from the start of its process to its first reply."""
@@ -187,29 +182,6 @@ class Bench:
             used.append([server.cpu_seconds() for server in self.servers])
         self.ratio('processor at idle', 'us/s', np.maximum(np.diff(used, axis=0), 1e-9) / seconds * 1e6)
 
-    def growth(self) -> None:
-        """Compare bridges with many tags, and after many calls, with a small and a fresh one."""
-        calls = 200 if self.options.short else 500
-        with contextlib.ExitStack() as stack:
-            services = []
-            for count in (100_000, 29):
-                tag_file = self.options.output / f'{count}.json'
-                tag = {'x': 1.0, 'y': 1.0, 'sensors': ['temperature', 'co2']}
-                tag_file.write_text(json.dumps({str(number): tag for number in range(1, count + 1)}))
-                server = NamedServer(self.options.subject, f'tags{count}', tag_file=f'"{tag_file}"')
-                services.append(stack.enter_context(closing(server)).service)
-            latencies = stack.enter_context(asking(*services))
-            latencies(100)  # the first calls are slower
-            medians = [np.median(latencies(calls), axis=0) for _ in range(self.rounds)]
-            self.ratio('100,000 tags to 29: p50', 'us', medians)
-        server = NamedServer(self.options.subject, 'many')
-        with closing(server), asking(server.service) as latencies:
-            calls = 7000 if self.options.short else 200_000
-            first = [np.median(latencies(500)) for _ in range(6)]
-            latencies(calls - 6000)
-            last = [np.median(latencies(500)) for _ in range(6)]
-        self.ratio(f'call {calls:,} to call 1: p50', 'us', np.transpose([last, first]))
-
 
 def main() -> int:
     """Measure, print, write."""
@@ -222,8 +194,7 @@ def main() -> int:
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    print_row('', 'bridge', 'plain wrapper, or as named', 'ratio [middle half]')
-    print('|' + '---|' * 4)
+    print('|  | bridge | plain wrapper, or as named | ratio [middle half] |\n|---|---|---|---|', flush=True)
     try:
         with (
             own_domain(),
