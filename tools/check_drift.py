@@ -166,24 +166,13 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
         yield Finding(heading, path, 'differs beyond the rename', [*same, False].index(False) + 1, text)
 
 
-def report(findings: list[Finding], compared: int) -> str:
-    """Return the findings, and what to do."""
-    if not findings:
-        return f'{pluralized(compared, "file")} compared: only the allowed divergence'
-    blocks = [
-        f'{found.path}:{found.line}: [{found.heading}] {found.message}\n{found.diff}' for found in findings
-    ]
-    summary = f'{pluralized(len(findings), "finding")} in {pluralized(compared, "file")} compared.'
-    return '\n'.join([*blocks, summary, WHAT_TO_DO])
-
-
 def pluralized(count: int, thing: str) -> str:
     """Return a count with its noun, such as 1 file or 29 files."""
     return f'{count} {thing}' if count == 1 else f'{count} {thing}s'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Compare the two trees of the command line; return the exit code."""
+    """Compare the two trees of the command line, and print the findings; return the exit code."""
     summary, *_, exit_codes = __doc__.strip().splitlines()
     parser = argparse.ArgumentParser(allow_abbrev=False, description=summary, epilog=exit_codes)
     for name, package in MSGS.items():
@@ -195,8 +184,14 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         print(f'check_drift: cannot compare: {error}', file=sys.stderr)
         return 2
-    print(report(findings, len(monorepo.files.keys() & mirror.files.keys())))
-    return int(bool(findings))
+    for found in findings:
+        print(f'{found.path}:{found.line}: [{found.heading}] {found.message}\n{found.diff}')
+    compared = f'{pluralized(len(monorepo.files.keys() & mirror.files.keys()), "file")} compared'
+    if not findings:
+        print(f'{compared}: only the allowed divergence')
+        return 0
+    print(f'{pluralized(len(findings), "finding")} in {compared}.\n{WHAT_TO_DO}')
+    return 1
 
 
 if __name__ == '__main__':
