@@ -5,16 +5,13 @@ Draw the page of readings and the picture of a mission, its route and one sensor
     make figure PAGE=1
 """
 
-import argparse
 import io
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, chromium
 from lupin_greenhouse_bridge.display import drawing_command, plot_report, readings_page
-from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,14 +41,13 @@ def main() -> int:
     picture.crop((0, 0, PAGE_PIXELS, height)).save(COMMITTED, optimize=True)
     print(COMMITTED)
     parser = drawing_command.parser_of('page', '', '')
-    return drawing_command.draw_files(parser, [str(reports[-1]), '-o', str(REPORT)], pictures_of_one_sensor)
-
-
-def pictures_of_one_sensor(
-    options: argparse.Namespace, recordings: list[Recording], limits: Limits
-) -> Iterator[tuple[Path, bytes]]:
-    """Yield the picture that plot_report draws, of one sensor."""
-    return plot_report.pictures_of(options, recordings, {SENSOR: limits[SENSOR]})
+    return drawing_command.draw_files(
+        parser,
+        [str(reports[-1]), '-o', str(REPORT)],
+        lambda options, recordings, limits: plot_report.pictures_of(
+            options, recordings, {SENSOR: limits[SENSOR]}
+        ),
+    )
 
 
 if __name__ == '__main__':

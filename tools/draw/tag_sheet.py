@@ -13,11 +13,10 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type, number_type
 from lupin_greenhouse_bridge.simulator.layout import require_layout
-from lupin_simulation.tag36h11 import printed_marker
+from lupin_simulation.tag36h11 import MODULES, printed_marker
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
@@ -29,20 +28,13 @@ MARGIN_MM = 10.0  # printers do not print there
 FOOTER_MM = 20.0  # the ruler
 LABEL_MM = 7.0  # under each tag
 TAG_COUNT = 587
-MODULES = 8  # along a side of the black square; the white margin adds one on each side
 RULER_MM = 100
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
 
 
-def modules_of(tag_number: int) -> npt.NDArray[np.bool_]:
-    """Return the tag as the AprilTag project draws it: True for black, row 0 on top."""
-    modules: npt.NDArray[np.bool_] = printed_marker(tag_number) == 0
-    return modules
-
-
 def cells(side_mm: float) -> list[tuple[float, float, float, float]]:
     """Return the cells of a page, row by row: lower left corner, width and height in mm."""
-    width = side_mm * (MODULES + 2) / MODULES
+    width = side_mm * (MODULES + 2) / MODULES  # with the white margin
     height = width + LABEL_MM
     columns = int((PAGE_MM[0] - 2 * MARGIN_MM) / width)
     rows = int((PAGE_MM[1] - 2 * MARGIN_MM - FOOTER_MM) / height)
@@ -62,7 +54,7 @@ def draw_page(tag_numbers: list[int], side_mm: float) -> Figure:
     for tag_number, (x, y, width, height) in zip(tag_numbers, cells(side_mm), strict=False):
         squares = [
             Outline(module_mm * (SQUARE + np.array([column + 1, -row - 2])) + (x, y + height), closed=True)
-            for row, column in np.argwhere(modules_of(tag_number))
+            for row, column in np.argwhere(printed_marker(tag_number) == 0)
         ]
         # One shape, so that no viewer shows seams between its squares.
         axes.add_patch(PathPatch(Outline.make_compound_path(*squares), facecolor='black', linewidth=0))

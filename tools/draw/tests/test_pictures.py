@@ -418,5 +418,5 @@ def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, capsys, side_mm, 
 
 def test_a_tag_is_the_right_way_up():
     """Tag 0 is 0xd5d628584, row by row, where 1 is white (AprilTag 2, tag36h11.c)."""
-    inside = ~tag_sheet.modules_of(0)[1:-1, 1:-1]
+    inside = tag_sheet.printed_marker(0)[1:-1, 1:-1] > 0
     assert int(''.join(str(int(bit)) for bit in inside.ravel()), 2) == 0xD5D628584
