@@ -39,14 +39,13 @@ from typing import TypeAlias
 from urllib.parse import unquote
 
 import rclpy
-from jobs import end
+from jobs import ROOT, end
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from rclpy.action import graph as actions
 from rclpy.node import Node
 
 Facts: TypeAlias = dict[str, set[str]]  # the rows of each table by its mark, and the ends of the graphs
-ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r'(?:^<!-- (.+?) -->\n)?^\| \w+ \| default \|.*\n^\|[-|]+\n((?:^\|.*\n)+)', re.MULTILINE)
 LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # the latter of a <picture>

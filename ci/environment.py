@@ -171,20 +171,19 @@ def run(what: str, command: Sequence[Word], log: Path) -> None:
     sys.exit(f'environment: {(step.failures or [stopped])[0]}')
 
 
-def repair_cmake(venv: Path) -> list[Path]:
+def repair_cmake(venv: Path) -> None:
     """
-    Correct the exported CMake files of the wheels; return the files that changed.
+    Correct the exported CMake files of the wheels.
 
     They name folders of the container that built them. CMake then fails with "Imported target ... includes
     non-existent path". And rosidl reads a list of files as ASCII, which splits the path of a folder such as
-    Büro. A second run changes nothing.
+    Büro.
     """
     repairs = (
         (re.compile(BUILD_PYTHON + r'/include/python3\.\d+'), sysconfig.get_path('include')),
         (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages_of(venv))),
         (re.compile(r'(?<="\$\{idl_output\}" idl_tuples)(?=\))'), ' ENCODING UTF-8'),
     )
-    changed = []
     for path in sorted(venv.glob('share/*/cmake/**/*.cmake')):
         before = after = path.read_text(encoding='utf-8')
         for wrong, right in repairs:
@@ -193,8 +192,6 @@ def repair_cmake(venv: Path) -> list[Path]:
             # A new file: the old one may be a hard link into the cache of uv, which other environments share.
             path.unlink()
             path.write_text(after, encoding='utf-8')
-            changed.append(path)
-    return changed
 
 
 def setup_script(venv: Path, distro: str) -> str:
@@ -219,8 +216,8 @@ def complete(venv: Path, distro: str) -> None:
             f'environment: {str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r}'
             ' in a path: move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
         )
-    is_empty = venv.is_dir() and not any(venv.iterdir())
-    if venv.exists() and not is_empty and not (venv / MARK).exists():
+    mark = venv / MARK
+    if venv.exists() and not mark.exists() and not (venv.is_dir() and not any(venv.iterdir())):
         sys.exit(
             f'environment: {venv} was not made by this project and is left alone: move it away, or name'
             ' another folder with make VENV=...'
@@ -232,7 +229,6 @@ def complete(venv: Path, distro: str) -> None:
     wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
 
     venv.parent.mkdir(parents=True, exist_ok=True)
-    mark = venv / MARK
     with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
         if mark.exists() and mark.read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists():
             return

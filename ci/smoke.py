@@ -13,16 +13,11 @@ def main() -> int:
     executables = os.environ['LUPIN_EXECUTABLES']
     print('smoke: starting a bridge on a domain of its own, to read every tag', file=sys.stderr, flush=True)
     with domain_coordinator.domain_id() as domain_id:
-        environment = {
-            **os.environ,
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'ROS_DISCOVERY_SERVER': '',  # it may be off, and nobody else is needed
-        }
-        with subprocess.Popen([f'{executables}/bridge_node'], env=environment) as bridge:
-            command = [f'{executables}/read_tag', '--all', '--timeout', '30']
+        os.environ.update(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        os.environ['ROS_DISCOVERY_SERVER'] = ''  # it may be off, and nobody else is needed
+        with subprocess.Popen([f'{executables}/bridge_node']) as bridge:
             try:
-                reading = subprocess.run(command, env=environment, check=False)
+                reading = subprocess.run([f'{executables}/read_tag', '--all', '--timeout', '30'], check=False)
             finally:
                 bridge.terminate()  # it ends within a minute, whatever DDS does
             return reading.returncode or bridge.wait()
