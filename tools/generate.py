@@ -100,8 +100,6 @@ def _read_core(root: Path) -> Files:
         if not file:
             raise RefusedError(f'{root / path}: is a symlink: generated trees hold plain files')
         files[path.removeprefix(f'{CORE}/')] = file
-    if not files:
-        raise RefusedError(f'{root / CORE}: holds no files')
     return files
 
 
@@ -229,10 +227,7 @@ def write_file(path: Path, file: File) -> None:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that takes options only by their full names; an error is one line."""
-
-    def __init__(self, name: str, description: str) -> None:
-        super().__init__(prog=name, description=description, allow_abbrev=False)
+    """A parser whose error is one line."""
 
     def error(self, message: str) -> NoReturn:
         """End the program with one line, without the list of all options."""
@@ -241,7 +236,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str] | None = None) -> int:
     """Generate, or with --check compare; return the exit code."""
-    parser = Parser('generate', __doc__.splitlines()[1])
+    parser = Parser('generate', description=__doc__.splitlines()[1], allow_abbrev=False)
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
     what.add_argument('--prune', action='store_true', help='also remove what a rename left behind')

@@ -147,7 +147,7 @@ def default_branch_advice(here: Path, remote: str) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Publish to the remote on the command line; return the exit code."""
-    parser = Parser('mirror-publish', __doc__.strip().splitlines()[0])
+    parser = Parser('mirror-publish', description=__doc__.splitlines()[1], allow_abbrev=False)
     parser.add_argument('remote', help='URL or name of the repository to publish to')
     parser.add_argument('--release', default='', metavar='VERSION', help='tag the commit with this version')
     parser.add_argument('--dry-run', action='store_true', help='print what would be pushed, and push nothing')

@@ -160,7 +160,7 @@ def test_a_core_of_symlinks_and_none_and_a_folder_without_git_are_refused(reposi
     put_a_symlink(repository / UNITS)
     assert 'units.py: is a symlink' in refusal(repository, capsys)
     shutil.rmtree(repository / 'tools/core')
-    assert 'holds no files' in refusal(repository, capsys)
+    assert 'bridge_node.py: must have' in refusal(repository, capsys)
     shutil.rmtree(repository / '.git')
     assert 'not a git repository' in refusal(repository, capsys)
 

@@ -241,7 +241,7 @@ def test_a_patch_that_is_cut_off_is_refused(repositories, refusal):
         ('commit-msg', 'echo too long >&2; exit 1', 'git commit: too long'),
         ('pre-commit', 'rm -r tools/core; exit 1', 'git commit: exit code 1'),
         ('pre-applypatch', 'exit 1', 'does not apply to lupin_greenhouse_ros: exit code 1'),
-        ('post-applypatch', 'rm -r tools/core/*/', 'tools/core: holds no files'),
+        ('post-applypatch', 'rm -r tools/core/*/', 'as tools/twins.toml says'),
         ('pre-commit', 'kill -INT 0', None),
     ],
     ids=['commit-msg', 'spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
