@@ -11,7 +11,6 @@ import os
 import pty
 import signal
 import struct
-import sys
 import termios
 import threading
 from pathlib import Path
@@ -85,11 +84,6 @@ def warm_tag_id(shipped_tags):
 @pytest.fixture(scope='session')
 def shipped_config():
     return yaml.safe_load(simulation.shipped_file('greenhouse_config.yaml').read_text(encoding='utf-8'))
-
-
-@pytest.fixture(scope='session')
-def altered():
-    return lambda alteration: [sys.executable, str(Path(__file__).with_name('altered_bridge.py')), alteration]
 
 
 @pytest.fixture(scope='session')
@@ -203,6 +197,15 @@ def running_held_service():
 
 
 @pytest.fixture
+def robot():
+    """Return a node with its own context."""
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node  # as above
+
+    with spinning_node('robot') as node:
+        yield node
+
+
+@pytest.fixture
 def held_service():
     with running_held_service() as service:
         yield service
@@ -258,6 +261,19 @@ def bridge_here(run_here):
         return run_here(bridge_node.main, *ros_arguments, signals_at={SPINS: (signal.SIGTERM,)})
 
     return run
+
+
+@pytest.fixture
+def ask_here(run_nodes):
+    """Return a function that runs the bridge in the test's process, and returns the client of its service."""
+    from lupin_greenhouse_bridge.testing._helpers import call  # as above
+
+    def ask(**parameters):
+        _, node = run_nodes(bridge_node.GreenhouseBridgeNode, **parameters)
+        client = node.create_client(GetTagReading, '/greenhouse_bridge/get_tag_reading')
+        return lambda tag_id: call(client, GetTagReading.Request(tag_id=tag_id))
+
+    return ask
 
 
 @pytest.fixture

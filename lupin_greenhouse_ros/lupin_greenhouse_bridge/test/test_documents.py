@@ -31,7 +31,7 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS
 from lupin_greenhouse_bridge.simulator.layout import read_layout
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, wait_until
 from lupin_greenhouse_bridge.units import UNITS
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
@@ -187,25 +187,19 @@ def example_of(page: str) -> dict:
     return names
 
 
-@pytest.fixture
-def node():
-    with spinning_node('reader_of_the_page') as node:
-        yield node
-
-
-def test_the_program_that_reacts_to_readings_runs_as_pasted_until_ctrl_c(start_node, node):
+def test_the_program_that_reacts_to_readings_runs_as_pasted_until_ctrl_c(start_node, robot):
     react = start_node([sys.executable, '-c', blocks_of('readings.md')[0]])
-    readings = node.create_publisher(TagReading, '/read_on_sight/readings', latched())
+    readings = robot.create_publisher(TagReading, '/read_on_sight/readings', latched())
     reading = TagReading(tag_id='1', readings=[SensorReading(name='co2', value=501.0)])
-    node.create_timer(0.1, lambda: readings.publish(reading))
+    robot.create_timer(0.1, lambda: readings.publish(reading))
     react.wait_for_log('tag 1: ventilate')
     assert react.stop(signal.SIGINT) == 0
 
 
-def test_the_detector_of_the_readings_page_runs_as_pasted_until_ctrl_c(start_node, node):
+def test_the_detector_of_the_readings_page_runs_as_pasted_until_ctrl_c(start_node, robot):
     messages = pytest.importorskip('apriltag_msgs.msg', reason=NO_DETECTIONS)
     detector, seen = start_node([sys.executable, '-c', blocks_of('readings.md')[1]]), []
-    node.create_subscription(messages.AprilTagDetectionArray, '/detections', seen.append, 5)
+    robot.create_subscription(messages.AprilTagDetectionArray, '/detections', seen.append, 5)
     wait_until(lambda: seen)
     assert detector.stop(signal.SIGINT) == 0
 

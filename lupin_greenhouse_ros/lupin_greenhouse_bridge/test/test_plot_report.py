@@ -3,10 +3,10 @@
 
 import importlib.util
 import itertools
-import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -16,6 +16,7 @@ from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.display.plot_report import NOT_READ, main
 from lupin_greenhouse_bridge.display.summary import SEVERAL_TIMES, greenhouse_times, speed_text
+from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.units import UNITS, label_of
@@ -161,15 +162,15 @@ def test_the_panels_are_in_rows_of_up_to_three_with_few_empty_cells(drawn, count
     assert figure.axes[0].get_gridspec().ncols == columns
 
 
-def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn):
+def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layout):
     detail = 'navigate_to_pose aborted the drive with code 208: no path'
     visits = (
         visit('1', co2=1.0),
         *(visit(tag_id, 'UNREACHABLE', detail) for tag_id in ('7', '9', 'A3')),
         visit('10', 'UNREACHABLE', f'pose 1: {detail}; pose 2: {detail}'),
     )
-    tag_file = {each: {'x': 1.0, 'y': 1.0, 'sensors': ['co2']} for each in ('1', '7', '9', '10', 'A3')}
-    (tmp_path / 'report-tag_locations.json').write_text(json.dumps(tag_file), encoding='utf-8')
+    tag_file = write_layout(dict.fromkeys(('1', '7', '9', '10', 'A3'), (1.0, 1.0)))
+    Path(tag_file).rename(tmp_path / 'report-tag_locations.json')
     text = ' '.join(texts_in(drawn(*visits)))  # in lines of some length
     reason = 'no path (code 208)'
     assert f'Tags 7, 9 and A3 unreachable: {reason} ' in text
@@ -273,36 +274,6 @@ def test_a_config_without_colour_ranges_has_none(tmp_path):
     assert read_colour_ranges(str(config)) == {}
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'fragment'),
-    [
-        (['/missing.jsonl'], '/missing.jsonl'),
-        (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
-        (['REPORT', '--sim-config-file', 'TAGS'], 'time is missing'),
-        (['REPORT', 'TAGS'], ': name a tag file with --tag-file'),
-        (['config.yml'], "'config.yml': No such file or directory: name a file of record_readings"),
-        (
-            ['REPORT', '--tag-file', 'TAGS'],
-            "4 of the file's 4 tags are not in it, such as '1': name the tag_file of its bridge",
-        ),
-        (['/missing.jsonl', '--output', '/missing/a.png'], "there is no folder '/missing': name a folder"),
-        (['REPORT', '--output', 'TAGS', '--tag-file', 'TAGS'], 'is the file of --tag-file itself: name'),
-        (['REPORT', '--output', 'picture.docx'], "'picture.docx': the ending must be one of "),
-        (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': cannot be read (No such"),
-        (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),
-        (['/'], "'/': not a regular file"),
-    ],
-)
-def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
-    tags = tmp_path / 'tags.json'
-    tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    known = {'REPORT': report, 'TAGS': tags}
-    assert main([str(known.get(each, each)) for each in arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith('plot_report: ')
-    assert fragment in line
-
-
 def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys):
     open_store(str(tmp_path / 'day.csv'))
     files = {
@@ -318,7 +289,7 @@ def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys):
     assert not [*tmp_path.glob('*.png')]
 
 
-def test_only_an_earlier_picture_is_replaced_whatever_the_backend_of_the_shell(tmp_path):
+def test_only_an_earlier_picture_is_replaced_whatever_the_backend_of_the_shell(tmp_path, capsys):
     report = write_report(tmp_path / 'report.jsonl', visit('1', co2=1.0))
     drawing, image, photo, photo_svg = (tmp_path / each for each in ('a.svg', 'a.png', 'b.png', 'b.svg'))
     code = f'import sys; from {main.__module__} import main; sys.exit(main())'
@@ -329,6 +300,8 @@ def test_only_an_earlier_picture_is_replaced_whatever_the_backend_of_the_shell(t
         each.write_bytes(b'a photo')
         assert main([str(report), '-o', str(each)]) == 2
         assert each.read_bytes() == b'a photo'
+    assert main([str(report), '-o', 'picture.docx']) == 2
+    assert "plot_report: --output 'picture.docx': the ending must be one of " in capsys.readouterr().err
     for output in (image, drawing, drawing):
         assert main([str(report), '-o', str(output)]) == 0
     ElementTree.parse(drawing)
@@ -336,8 +309,9 @@ def test_only_an_earlier_picture_is_replaced_whatever_the_backend_of_the_shell(t
 
 def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
-    assert main([str(report)]) == 2
-    assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
+    for command, *words in ((main, str(report)), (approach_poses.main, '', '--picture', 'route.png')):
+        assert command(words) == 2
+        assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
 
 
 def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free():

@@ -3,6 +3,7 @@
 
 import datetime
 import fractions
+import itertools
 import math
 import random
 import re
@@ -21,14 +22,17 @@ def loaded(**parameters):
     return simulation.load(Settings(**parameters), None, None).sim
 
 
-def test_a_reading_is_never_torn_and_has_the_stamp_of_the_wall_clock(start_bridge, altered, shipped_tags):
+def test_a_reading_is_never_torn_and_has_the_stamp_of_the_wall_clock(ask_here, monkeypatch, shipped_tags):
     """The time in a reading is the time of its values, even if the clock ticks at every read."""
-    bridge = start_bridge(altered('ticking_clock'), use_sim_time=True)
+    start = datetime.datetime(2026, 1, 1, 6)
+    ticks = (start + datetime.timedelta(seconds=tick) for tick in itertools.count())
+    monkeypatch.setattr(simulator, 'datetime', SimpleNamespace(now=lambda: next(ticks)))
+    ask = ask_here(use_sim_time=True)
     warm_tags = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:4]
     times = set()
     for tag_id in warm_tags:
         before = time.time_ns()
-        reading = bridge.call(tag_id).reading
+        reading = ask(tag_id).reading
         assert before <= reading.stamp.sec * 10**9 + reading.stamp.nanosec <= time.time_ns()
         (value,) = [each.value for each in reading.readings if each.name == 'temperature']
         frozen = loaded(debug_time_of_day=reading.sim_time_of_day_seconds / 3600)

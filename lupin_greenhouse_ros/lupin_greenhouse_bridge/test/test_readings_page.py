@@ -210,9 +210,8 @@ def test_of_a_file_without_rows_there_is_no_page(recording, capsys):
     assert not path.with_suffix('.html').exists()
 
 
-def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_config):
-    tags = {'7': {'x': 0.5, 'y': 1.5, 'sensors': ['co2']}}
-    (tmp_path / 'report-tag_locations.json').write_text(json.dumps(tags), encoding='utf-8')
+def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_config, write_layout):
+    Path(write_layout({'7': (0.5, 1.5)})).rename(tmp_path / 'report-tag_locations.json')
     room = shipped_config['visualization'] | {'greenhouse_width_m': 3.0, 'greenhouse_height_m': 2.0}
     config = json.dumps(shipped_config | {'visualization': room})
     (tmp_path / 'report-greenhouse_config.yaml').write_text(config, encoding='utf-8')
@@ -242,20 +241,16 @@ def test_a_value_that_another_one_hides_is_said(recording, capsys):
     assert f'readings_page: {path}: {hidden}' in capsys.readouterr().err.splitlines()
 
 
-def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys):
-    tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['co2']}}
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(json.dumps(tags), encoding='utf-8')
-    path = recording('readings.sqlite', [7.0])
-    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
+def test_positions_of_another_greenhouse_are_refused(write_layout, recording, capsys):
+    path, tag_file = recording('readings.sqlite', [7.0]), write_layout({'a1': (1.0, 2.5)})
+    assert readings_page.main([str(path), '--tag-file', tag_file]) == 2
     assert capsys.readouterr().err == (
         f"readings_page: '{path}': tag 'a1' is at (1, 2) in it, and at (1, 2.5) in {tag_file}: name the"
         ' tag_file of its bridge with --tag-file, and compare only files of one greenhouse\n'
     )
     assert readings_page.main([str(path), str(path)]) == 2
     assert capsys.readouterr().err == f"readings_page: '{path}' is named twice: name each file once\n"
-    tag_file.write_text(json.dumps(tags).replace('2.5', '2.001'), encoding='utf-8')
-    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 0
+    assert readings_page.main([str(path), '--tag-file', write_layout({'a1': (1.0, 2.001)})]) == 0
 
 
 def test_several_files_are_compared_by_tag_and_sensor(tmp_path, monkeypatch):
@@ -321,24 +316,38 @@ def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(recording, c
 
 
 @pytest.mark.parametrize(
-    ('options', 'fault'),
+    ('words', 'fault'),
     [
-        (['FILE', '--walls', '0', '0', '1e300', '8'], 'the walls are x 0 to 1e+300 m'),
-        (['FILE', '--route', 'ROUTE'], "--route 'ROUTE': is not a CSV file of x,y in metres"),
-        (['FILE', 'FILE', '--route', 'ROUTE'], "--route 'ROUTE' is for one FILE: name one FILE only"),
-        (['FILE', '-o', '.'], "--output '.' is a folder: name a file in it"),
-        (['FILE', '-o', 'page.png'], "--output 'page.png' is a page: its name must end in .html"),
-        (['FILE', 'tag_file:=my.json'], "'tag_file:=my.json' is no file of readings: write options such as"),
-        (['FILE', '-o', 'other.html'], "'other.html' exists and is not from this program: name another"),
-        (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of FILE itself: name another file"),
+        ('FILE --walls 0 0 1e300 8', 'the walls are x 0 to 1e+300 m'),
+        ('FILE --route ROUTE', "--route 'ROUTE': is not a CSV file of x,y in metres: name another"),
+        ('FILE --route tags.json', "--route 'tags.json': is not a CSV file of x,y in metres: name another"),
+        ('FILE --route none.csv', "--route 'none.csv': cannot be read (No such"),
+        ('FILE FILE --route ROUTE', "--route 'ROUTE' is for one FILE: name one FILE only"),
+        ('FILE -o .', "--output '.' is a folder: name a file in it"),
+        ('FILE -o page.png', "--output 'page.png' is a page: its name must end in .html"),
+        ('none.jsonl -o /missing/a.html', "there is no folder '/missing': name a folder"),
+        ('FILE tag_file:=my.json', "'tag_file:=my.json' is no file of readings: write options such as"),
+        ('FILE -o other.html', "'other.html' exists and is not from this program: name another"),
+        ('FILE -o FILE', "--output 'FILE' is the file of FILE itself: name another file"),
+        ('FILE -o tags.json --tag-file tags.json', 'is the file of --tag-file itself: name'),
+        ('FILE --tag-file FILE', 'is not JSON'),
+        ('FILE --sim-config-file tags.json', 'time is missing'),
+        ('FILE tags.json', ': name a tag file with --tag-file'),
+        ('REPORT --tag-file tags.json', "2 of the file's 2 tags are not in it, such as '1': name the"),
+        ('config.yml', "'config.yml': No such file or directory: name a file of record_readings"),
+        ('/', "'/': not a regular file"),
     ],
 )
-def test_other_wrong_options_are_refused_by_their_name(
-    recording, tmp_path, capsys, monkeypatch, options, fault
+def test_what_cannot_be_shown_is_said_in_one_line(
+    recording, report, write_layout, tmp_path, capsys, monkeypatch, words, fault
 ):
     monkeypatch.chdir(tmp_path)
     recording('day.csv', [7.0]).rename('FILE')
+    report(visit('1', co2=1.0), visit('9', 'TIMEOUT')).rename('REPORT')
+    write_layout({'x': (1.0, 2.0)})
     (tmp_path / 'other.html').write_text('<!doctype html>', encoding='utf-8')
     (tmp_path / 'ROUTE').write_text('x,y\n0,1\n1e300,-1e300\n', encoding='utf-8')
-    assert readings_page.main(options) == 2
-    assert fault in capsys.readouterr().err
+    assert readings_page.main(words.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('readings_page: ')
+    assert fault in line

@@ -31,7 +31,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform, write_trans
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
@@ -209,14 +209,8 @@ class Viewer:
 
 
 @pytest.fixture
-def room():
-    with spinning_node('room') as node:
-        yield node
-
-
-@pytest.fixture
-def viewer(room):
-    return Viewer(room)
+def viewer(robot):
+    return Viewer(robot)
 
 
 @pytest.fixture
@@ -230,12 +224,12 @@ def start_here(monkeypatch, run_nodes):
 
 @pytest.mark.parametrize('durability', [LATCHED, VOLATILE])
 def test_a_published_reading_appears_among_the_markers_and_in_the_field(
-    start_here, room, shipped_tags, warm_tag_id, durability
+    start_here, robot, shipped_tags, warm_tag_id, durability
 ):
     """A web client has no QoS, so it is volatile."""
     start_here(radius_m=0.5)
-    publisher = Publisher(room, reading_of(warm_tag_id, temperature=7.5), durability=durability)
-    viewer = Viewer(room, durability)
+    publisher = Publisher(robot, reading_of(warm_tag_id, temperature=7.5), durability=durability)
+    viewer = Viewer(robot, durability)
     viewer.wait_for('temperature 7.5 deg C')
     tag = shipped_tags[warm_tag_id]
     wait_until(lambda: cell(viewer.fields[-1], tag['x'], tag['y']) == 25)  # of 0 to 30 degrees
@@ -264,15 +258,15 @@ def test_a_late_viewer_sees_the_latched_messages(start_here, viewer, shipped_tag
 
 
 def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_last(
-    start_here, room, viewer, capfd
+    start_here, robot, viewer, capfd
 ):
     start_here(readings_topics=f'{TOPIC} /tested/other')
     now = int(time.time())
     readings = [reading_of('1', now + after, co2=value) for after, value in ((0, 600.0), (-30, 500.0))]
-    publisher = Publisher(room, *readings, reading_of('2', now, temperature=20.0))
+    publisher = Publisher(robot, *readings, reading_of('2', now, temperature=20.0))
     viewer.wait_for('co2 600 ppm', 'temperature 20.0 deg C')
     readings = reading_of('1', now - 300, co2=400.0), reading_of('2', now + 1, temperature=21.0)
-    other = Publisher(room, *readings, topic='/tested/other')
+    other = Publisher(robot, *readings, topic='/tested/other')
     viewer.wait_for('co2 600 ppm', 'temperature 21.0 deg C')
     for later, value in ((2, 700), (3600, 701), (0, 702), (-600, 703), (-599, 704)):
         publisher.readings, other.readings = [reading_of('1', now + later, co2=float(value))], []
@@ -280,10 +274,10 @@ def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_las
     assert capfd.readouterr().err.count('the reading that arrived last is shown') == 1
 
 
-def test_an_age_is_by_the_clock_of_the_stamp(start_here, room, viewer):
+def test_an_age_is_by_the_clock_of_the_stamp(start_here, robot, viewer):
     """With the simulator's clock, which jumps back; the stamp of one tag is of the system's clock."""
     start_here(use_sim_time=True)
-    simulator = room.create_publisher(ClockMessage, '/clock', 1)
+    simulator = robot.create_publisher(ClockMessage, '/clock', 1)
 
     def wait_for_labels(sim_seconds, *wanted):
         def has_come():
@@ -296,7 +290,7 @@ def test_an_age_is_by_the_clock_of_the_stamp(start_here, room, viewer):
 
     wait_for_labels(1000)
     publisher = Publisher(
-        room,
+        robot,
         reading_of('1', 1000, co2=500.0),
         reading_of('2', int(time.time()) - 7200, temperature=20.0),
         reading_of('3', 5000, co2=600.0),  # latched by a publisher of an earlier simulation
@@ -311,13 +305,13 @@ def test_an_age_is_by_the_clock_of_the_stamp(start_here, room, viewer):
 
 
 def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(
-    start_here, room, viewer, shipped_tags, capfd
+    start_here, robot, viewer, shipped_tags, capfd
 ):
     start_here(radius_m=0.01)
     first, second = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:2]
     unknown = [reading_of('x\n1', seconds, co2=500.0) for seconds in (100, 200)]
     values = {first: math.inf, second: 7.5}
-    Publisher(room, *unknown, *(reading_of(tag_id, temperature=each) for tag_id, each in values.items()))
+    Publisher(robot, *unknown, *(reading_of(tag_id, temperature=each) for tag_id, each in values.items()))
     viewer.wait_for('temperature inf deg C', 'temperature 7.5 deg C')
     wait_until(lambda: set(viewer.fields[-1].data) == {-1, 25})
     assert len(viewer.texts) == 2
@@ -326,7 +320,7 @@ def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(
 
 
 def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
-    start_here, room, viewer, write_layout, tmp_path
+    start_here, robot, viewer, write_layout, tmp_path
 ):
     config = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'
     config += 'visualization: {colorbar_ranges: {ozone: {min: 0, max: 10}}}'
@@ -341,7 +335,7 @@ def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
         layout_in_map=tmp_path / 'layout_in_map.yaml',
         radius_m=0.5,
     )
-    Publisher(room, reading_of('A7', ozone=3.0))
+    Publisher(robot, reading_of('A7', ozone=3.0))
     viewer.wait_for('ozone 3.00')  # a sensor that is not the simulator's has no unit
     wait_until(lambda: cell(viewer.fields[-1], *transform.point(1.0, 2.0)) == 30)
     assert cell(viewer.fields[-1], *transform.point(1.0, 2.7)) == -1
@@ -378,21 +372,6 @@ def test_it_says_what_it_shows_and_ends_with_exit_code_0(run_here):
     ended = run_here(show_readings.main, signals_at={SPINS: (signal.SIGTERM,)})
     assert 'field of temperature, readings from /read_on_sight/readings and /mission/readings' in ended.err
     assert ended.code == 0
-
-
-@pytest.mark.parametrize(
-    ('name', 'value', 'fragment'),
-    [
-        ('sensor', 'ozone', "parameter sensor is 'ozone': the greenhouse config has no"),
-        ('map_frame', "' '", "parameter map_frame is ' ': must be the name of a frame, such as map"),
-        ('readings_topics', "''", "parameter readings_topics is '': must be the name of a topic"),
-        ('layout_in_map', '/nowhere.yaml', "'/nowhere.yaml'"),
-        ('tag_file', '/nowhere.json', "'/nowhere.json'"),
-        ('sim_config_file', '/nowhere.yaml', "'/nowhere.yaml'"),
-    ],
-)
-def test_a_wrong_parameter_is_refused_in_one_line(run_here, name, value, fragment):
-    assert fragment in run_here(show_readings.main, '--ros-args', '-p', f'{name}:={value}').refusal
 
 
 def test_without_a_layout_of_a_drawable_size_it_is_refused_in_one_line(run_here, write_layout, monkeypatch):

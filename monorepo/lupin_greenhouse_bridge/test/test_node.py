@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from greenhouse_sim.simulator import GreenhouseSimulator
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge import bridge_node
@@ -17,7 +18,6 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
-from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -113,23 +113,24 @@ def test_a_megabyte_of_id_is_an_unknown_tag_in_a_short_message_and_a_nul_ends_an
     assert noon_bridge.call('1\x002').reading.tag_id in ('1', '')
 
 
-@pytest.mark.parametrize('checks_fields', ['0', '1'])
-def test_faults_are_reported_logged_now_and_then_and_survived(start_bridge, altered, checks_fields):
-    environment = {'ROS_PYTHON_CHECK_FIELDS': checks_fields}
-    bridge = start_bridge(altered('faulty_simulator'), environment=environment)
-    bridge.connect(greeting=FORGED)
-    for _ in range(30):
-        response = bridge.call('fault')
-        assert (response.status, response.reading) == (response.STATUS_SIMULATOR_ERROR, TagReading())
-        assert 'RuntimeError: the sensor is on fire two' in response.error_message
-        assert response.error_message.isprintable()
-        assert bridge.call('99').status == UNKNOWN_TAG
-    assert bridge.values('good') == {'co2': 21.5}
-    assert bridge.values('numpy') == {'co2': 3.0}
-    bridge.send(*SIGNALS['SIGTERM and Ctrl-C'])
-    assert bridge.end() == 0
-    assert 1 <= len([line for line in bridge.log if 'the sensor is on fire' in line]) <= 20
-    unknown = [line for line in bridge.log if 'is not in the loaded greenhouse' in line]
+def test_faults_are_reported_logged_now_and_then_and_survived(ask_here, monkeypatch, capfd):
+    def fail(_sim, _tag_id):
+        raise RuntimeError('the sensor is on fire\ntwo\x1b[2J')
+
+    ask = ask_here()
+    assert ask(FORGED).status == UNKNOWN_TAG
+    with monkeypatch.context() as patch:
+        patch.setattr(GreenhouseSimulator, 'get_sensor_data', fail)
+        for _ in range(30):
+            response = ask('1')
+            assert (response.status, response.reading) == (response.STATUS_SIMULATOR_ERROR, TagReading())
+            assert 'RuntimeError: the sensor is on fire two' in response.error_message
+            assert response.error_message.isprintable()
+            assert ask('99').status == UNKNOWN_TAG
+    assert ask('1').status == response.STATUS_OK
+    log = capfd.readouterr().err.splitlines()
+    assert 1 <= len([line for line in log if 'the sensor is on fire' in line]) <= 20
+    unknown = [line for line in log if 'is not in the loaded greenhouse' in line]
     assert 1 <= len(unknown) <= 20
     assert unknown[0].startswith('[WARN]')
     assert '\\n[FATAL]' in unknown[0]

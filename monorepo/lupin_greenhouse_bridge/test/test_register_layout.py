@@ -196,50 +196,41 @@ def test_a_written_transform_is_read_again(tmp_path_factory, transform, frame_id
     assert read_transform(path) == read_transform(path, frame_id) == transform
 
 
+def in_another_map(path):
+    return read_transform(path, 'robot1/map')
+
+
 GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
 
 
 @pytest.mark.parametrize(
-    ('text', 'fault'),
+    ('read', 'text', 'fault'),
     [
-        (GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from .* (metres)"),
-        (GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
-        (GOOD.replace('yaw: 0.3', 'yaw: 90'), 'yaw is 90: must be a number from -10 to 10 (radians)'),
-        (GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
-        (GOOD.replace('map', ''), 'frame_id is missing or no text'),
-        (GOOD + 'z: 0.1', "unknown key 'z': use frame_id, x, y, yaw, as in {frame_id: map"),
-        ('[1, 2]', 'holds a list at its top level, not a mapping, such as'),
-        ('', 'frame_id is missing'),
-        (GOOD, "frame_id is 'map', but the map's frame is 'robot1/map'"),
+        (read_transform, GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from -1e+12"),
+        (read_transform, GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
+        (read_transform, GOOD.replace('0.3', '90'), 'yaw is 90: must be a number from -10 to 10 (radians)'),
+        (read_transform, GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
+        (read_transform, GOOD.replace('map', ''), 'frame_id is missing or no text'),
+        (read_transform, f'{GOOD}z: 0.1', "unknown key 'z': use frame_id, x, y, yaw, as in {frame_id: map"),
+        (read_transform, '[1, 2]', 'holds a list at its top level, not a mapping, such as'),
+        (in_another_map, GOOD, "frame_id is 'map', but the map's frame is 'robot1/map'"),
+        (read_places, '7: [1.5, 2]', "tag '7' is not text: put quotes around the id"),
+        (read_places, '"7": [1.5]', "tag '7': must be a list of x and y"),
+        (read_places, '"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
+        (read_places, '[1, 2]', 'holds a list at its top level, not positions in the map by tag id'),
     ],
 )
-def test_a_malformed_file_is_refused_with_its_key(tmp_path, text, fault):
-    path = tmp_path / 'layout_in_map.yaml'
+def test_a_malformed_file_is_refused_with_its_key_or_tag(tmp_path, read, text, fault):
+    path = tmp_path / 'layout.yaml'
     path.write_text(text, encoding='utf-8')
-    pattern = re.escape(f"registration '{path}': {fault}").replace(r'\.\*', '.*')
-    with pytest.raises(StartUpError, match=pattern):
-        read_transform(path, 'robot1/map')
+    where = 'pairs' if read is read_places else 'registration'
+    with pytest.raises(StartUpError, match=re.escape(f"{where} '{path}': {fault}")):
+        read(path)
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(StartUpError, match=r'none/a\.yaml.* cannot be written .*: name another file'):
         write_transform(tmp_path / 'none' / 'a.yaml', Transform())
-
-
-@pytest.mark.parametrize(
-    ('text', 'fault'),
-    [
-        ('7: [1.5, 2]', "tag '7' is not text: put quotes around the id"),
-        ('"7": [1.5]', "tag '7': must be a list of x and y"),
-        ('"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
-        ('[1, 2]', 'holds a list at its top level, not positions in the map by tag id'),
-    ],
-)
-def test_malformed_positions_are_refused_with_their_tag(tmp_path, text, fault):
-    path = tmp_path / 'pairs.yaml'
-    path.write_text(text, encoding='utf-8')
-    with pytest.raises(StartUpError, match=re.escape(f"pairs '{path}': {fault}")):
-        read_places(path)
 
 
 TRANSFORM = Transform(2.0, -1.0, math.pi / 2)

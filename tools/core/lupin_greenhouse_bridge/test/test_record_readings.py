@@ -131,12 +131,6 @@ def reading(number, tag_id='7') -> TagReading:
 
 
 @pytest.fixture
-def robot():
-    with spinning_node('robot') as node:
-        yield node
-
-
-@pytest.fixture
 def readings(robot):
     return publisher_on(robot)
 
@@ -304,26 +298,6 @@ def test_a_signal_writes_the_last_rows_and_the_exit_code_is_1_if_some_are_lost(
     ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS[signals]})
     assert (ended.code, '2 rows kept' in ended.err, '1 row lost' in ended.err) == (lost, True, bool(lost))
     assert len(read_rows(file)) == 2
-
-
-@pytest.mark.parametrize(
-    ('parameter', 'value', 'fragment'),
-    [
-        ('file', 'readings.txt', "file 'readings.txt' ends in none of .sqlite, .db, .csv: name it"),
-        ('file', 'no/a.csv', "file 'no/a.csv': No such file or directory: make the folder 'no'"),
-        ('file', 'folder.db', "file 'folder.db': not a regular file: name another file"),
-        ('tag_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
-        ('readings_topics', '/a no-name', 'parameter readings_topics: Invalid topic name: '),
-        *(('readings_topics', each, 'parameter readings_topics is ') for each in ("' '", '7', '[1, 2]')),
-    ],
-)
-def test_what_cannot_be_recorded_is_refused_in_one_line(
-    run_here, tmp_path, monkeypatch, parameter, value, fragment
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'folder.db').mkdir()
-    ended = run_here(record_readings.main, '--ros-args', '-p', f'{parameter}:={value}')
-    assert fragment in ended.refusal
 
 
 def test_a_short_parameter_with_a_wrong_letter_is_recognized(run_here):

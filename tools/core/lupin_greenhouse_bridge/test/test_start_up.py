@@ -101,6 +101,31 @@ def test_a_bad_parameter_is_refused_before_the_service_exists(
     assert fragment in fatal
 
 
+@pytest.mark.parametrize(
+    ('main', 'name', 'value', 'fragment'),
+    [
+        (record_readings.main, 'file', 'r.txt', "file 'r.txt' ends in none of .sqlite, .db, .csv: name it"),
+        (record_readings.main, 'file', 'no/a.csv', "'no/a.csv': No such file or directory: make the folder"),
+        (record_readings.main, 'file', 'folder.db', "'folder.db': not a regular file: name another file"),
+        (record_readings.main, 'tag_file', '/none.json', "tag_file '/none.json': cannot be read"),
+        (record_readings.main, 'readings_topics', '/a no-name', 'readings_topics: Invalid topic name: '),
+        *((record_readings.main, 'readings_topics', each, 'topics is ') for each in ("' '", '7', '[1, 2]')),
+        (show_readings.main, 'sensor', 'ozone', "sensor is 'ozone': the greenhouse config has no"),
+        (show_readings.main, 'map_frame', "' '", "is ' ': must be the name of a frame, such as map"),
+        (show_readings.main, 'readings_topics', "''", "is '': must be the name of a topic"),
+        (show_readings.main, 'layout_in_map', '/none.yaml', "'/none.yaml'"),
+        (show_readings.main, 'tag_file', '/none.json', "'/none.json'"),
+        (show_readings.main, 'sim_config_file', '/none.yaml', "'/none.yaml'"),
+    ],
+)
+def test_a_wrong_parameter_of_another_node_is_refused(
+    run_here, tmp_path, monkeypatch, main, name, value, fragment
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'folder.db').mkdir()
+    assert fragment in run_here(main, '--ros-args', '-p', f'{name}:={value}').refusal
+
+
 def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
     nodes = yaml.safe_load(PARAMETER_FILE.read_text(encoding='utf-8'))
     assert {node: parameters['ros__parameters'] for node, parameters in nodes.items()} == {
