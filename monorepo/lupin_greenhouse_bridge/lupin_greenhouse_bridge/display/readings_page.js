@@ -124,9 +124,9 @@ function write_tags(line, { word, reason, tags, more }, name) {
   });
   line.append(more, ' ');
   mark(line, 'span', { class: name }, word);
-  const [, plain, code = ''] = /^(.*?)( \(code \d+\))?$/s.exec(reason);
+  const [, plain, code = ''] = /^(.*?)(?: (\(code \d+\)))?$/s.exec(reason);
   if (plain) line.append(`: ${plain}`);
-  if (code) mark(line, 'small', {}, code);
+  if (code) mark(line, 'small', {}, code).before(' ');
 }
 
 // Writes the table of several files, and links to the page of each.
