@@ -140,7 +140,6 @@ def test_read_tag_that_has_failed_keeps_its_exit_code_whatever_signal_comes(run_
 
 @pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
 def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here, signals):
-    """It is between two readings."""
     ask = ('1', '--watch', '100', '--service', noon_bridge.service_name)
     between = 'lupin_greenhouse_bridge/runtime/process.py:sleep'
     ended = read_tag_here(*ask, signals_at={between: signals})

@@ -119,7 +119,6 @@ class Camera:
 
 
 def listen(node, topic) -> list[TagReading]:
-    """Return the readings of a topic, the earlier ones included, as they arrive."""
     readings = []
     node.create_subscription(TagReading, topic, readings.append, latched(50))
     return readings
@@ -127,7 +126,6 @@ def listen(node, topic) -> list[TagReading]:
 
 @pytest.fixture
 def detector():
-    """Return the node of the camera and the listeners."""
     pytest.importorskip('apriltag_msgs', reason=NO_DETECTIONS)
     with spinning_node('detector') as node:
         yield node
@@ -194,7 +192,6 @@ def log(tmp_path):
 def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     start_bridge, start_node, detector, shipped_tags
 ):
-    """Every tag and some unknown ones at 30 Hz, without a bridge for a while."""
     in_view = [*map(int, shipped_tags), 400, 401, 402]
     first = start_bridge()
     first.wait_for_log('ready:')

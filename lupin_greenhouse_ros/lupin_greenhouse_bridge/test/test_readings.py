@@ -18,7 +18,6 @@ from lupin_greenhouse_bridge.simulator import simulation
 
 
 def loaded(**parameters):
-    """Return the simulator that a bridge with these parameters serves."""
     return simulation.load(Settings(**parameters), None, None).sim
 
 
@@ -43,7 +42,6 @@ def test_a_reading_is_never_torn_and_has_the_stamp_of_the_wall_clock(ask_here, m
 
 @pytest.fixture
 def read_answer(monkeypatch):
-    """Return a function that reads a tag for which the simulator returns this answer."""
 
     def read(answer):
         sim = loaded()

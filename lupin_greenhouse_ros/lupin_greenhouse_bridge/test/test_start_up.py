@@ -299,6 +299,7 @@ def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
     assert warning in bridge_here(debug_sed=7).err
 
 
+SIMULATOR = 'greenhouse_sim.simulator.GreenhouseSimulator'
 TOO_OLD = r"is installed, 1\.0\.7 or newer is needed: pip install --upgrade 'mdp-greenhouse>=1\.0\.7'$"
 
 
@@ -309,30 +310,19 @@ TOO_OLD = r"is installed, 1\.0\.7 or newer is needed: pip install --upgrade 'mdp
         ('importlib.metadata.version', 'not a version', f'^mdp-greenhouse not a version {TOO_OLD}'),
         ('importlib.metadata.version', PackageNotFoundError(), 'is not installed: pip install --upgrade'),
         ('importlib.import_module', ImportError('no yaml'), r'be imported \(no yaml\): sudo apt install'),
+        (f'{simulation.__name__}.shipped_file', None, r'lacks its file tag_locations\.json: pip install'),
+        # The simulator opens the file with the encoding of the locale.
+        (f'{SIMULATOR}.tags', ['Ã©'], r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"),
+        (f'{SIMULATOR}.get_sensor_data', {}, r"tag '\d+' is loaded but cannot be read: .* KeyError"),
     ],
 )
 def test_a_simulator_that_is_old_missing_or_broken_is_refused(monkeypatch, called, answer, message):
-    def answered(_name):
+    def answered(*_arguments):
         if isinstance(answer, Exception):
             raise answer
         return answer
 
     monkeypatch.setattr(called, answered)
-    with pytest.raises(StartUpError, match=message):
-        simulation.require_simulator()
-
-
-@pytest.mark.parametrize(
-    ('owner', 'name', 'answer', 'message'),
-    [
-        (simulation, 'shipped_file', None, r'lacks its file tag_locations\.json: pip install'),
-        # The simulator opens the file with the encoding of the locale.
-        (GreenhouseSimulator, 'tags', ['Ã©'], r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"),
-        (GreenhouseSimulator, 'get_sensor_data', {}, r"tag '\d+' is loaded but cannot be read: .* KeyError"),
-    ],
-)
-def test_a_simulator_that_cannot_serve_is_refused(monkeypatch, owner, name, answer, message):
-    monkeypatch.setattr(owner, name, lambda *_arguments: answer)
     with pytest.raises(StartUpError, match=message):
         simulation.load(Settings(), None, None)
 

@@ -47,13 +47,11 @@ def moved(layout_m: dict, transform: Transform) -> dict:
 
 
 def shifted(places_m: dict, tag_id: str, metres: float, direction: float = 0.0) -> dict:
-    """Return the places with one tag this far off."""
     x, y = places_m[tag_id]
     return {**places_m, tag_id: (x + metres * math.cos(direction), y + metres * math.sin(direction))}
 
 
 def noisy(places_m: dict, noise: random.Random, sigma_m: float) -> dict:
-    """Return the places with an error of this standard deviation along each axis."""
     return {each: tuple(noise.gauss(value, sigma_m) for value in place) for each, place in places_m.items()}
 
 
@@ -289,27 +287,25 @@ def test_tags_that_cannot_show_whether_they_are_mirrored_are_said_to_be(register
     assert 'the 3 tags lie almost on one line, and cannot show whether they are mirrored' in ended.err
 
 
-@pytest.mark.parametrize('name', ['pairs.json', 'link.json', 'tags.json'])
-def test_no_input_is_overwritten(register, places, tmp_path, name):
+@pytest.mark.parametrize(
+    ('name', 'fault'),
+    [
+        ('pairs.json', 'is the file of --pairs itself'),
+        ('link.json', 'is the file of --pairs itself'),
+        ('tags.json', 'is the file of --tag-file itself'),
+        ('map.pgm', 'exists and is not from this program'),
+    ],
+)
+def test_only_an_earlier_registration_is_replaced(register, places, tmp_path, name, fault):
+    output, tag_file, picture = (tmp_path / each for each in (name, 'tags.json', 'map.pgm'))
     (tmp_path / 'link.json').symlink_to('pairs.json')
-    (tmp_path / 'tags.json').write_text('{}', encoding='utf-8')
-    output, tag_file = (str(tmp_path / each) for each in (name, 'tags.json'))
-    ended = register(places, '-o', output, '--tag-file', tag_file)
-    option = '--tag-file' if output == tag_file else '--pairs'
-    expected = f"--output '{output}' is the file of {option} itself: name another file"
-    assert (ended.code, refusal(ended)) == (2, expected)
+    for each in (tag_file, picture):
+        each.write_text('P5 1 1 255 0', encoding='utf-8')
+    ended = register(places, '-o', str(output), '--tag-file', str(tag_file))
+    assert (ended.code, refusal(ended)) == (2, f"--output '{output}' {fault}: name another file")
     assert json.loads((tmp_path / 'pairs.json').read_text(encoding='utf-8')) == places
-    assert (tmp_path / 'tags.json').read_text(encoding='utf-8') == '{}'
-
-
-@pytest.mark.parametrize(('name', 'text'), [('map.pgm', 'P5 1 1 255 0'), ('map.yaml', 'image: map.pgm')])
-def test_only_an_earlier_registration_is_replaced(register, places, tmp_path, name, text):
-    output = tmp_path / name
-    output.write_text(text, encoding='utf-8')
-    ended = register(places, '-o', str(output))
-    expected = f"--output '{output}' exists and is not from this program: name another file"
-    assert (ended.code, refusal(ended)) == (2, expected)
-    assert output.read_text(encoding='utf-8') == text
+    assert tag_file.read_text(encoding='utf-8') == picture.read_text(encoding='utf-8') == 'P5 1 1 255 0'
+    output = tmp_path / 'earlier.yaml'
     write_transform(output, Transform())
     assert register(places, '-o', str(output)).code == 0
     assert read_transform(output) == pytest.approx(TRANSFORM)

@@ -247,14 +247,6 @@ def test_without_its_folder_a_file_takes_no_rows_and_goes_on_when_it_is_back(pat
     assert read_rows(path) == [row()]
 
 
-def test_a_csv_file_to_which_another_program_adds_a_header_and_rows_keeps_them(csv_path):
-    store = open_store(str(csv_path))
-    with csv_path.open('a') as other:
-        other.write(f'{HEADER}\n{csv_text([row(5)])}')
-    store.keep([row()])
-    assert read_rows(csv_path) == [row(), row(5)]
-
-
 FORMULAS = ['=1+1', '+1', '-1', '@SUM(A1)', '\t=1', '\r=1', "'=1", "'", "'x"]
 
 

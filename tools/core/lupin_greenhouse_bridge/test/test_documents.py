@@ -61,11 +61,13 @@ def example(tmp_path):
     return written
 
 
-def test_the_tag_file_has_three_tags_and_its_tables(example):
-    path = example('tag_locations.json')
-    layout = read_layout(path)
+def test_the_tag_file_and_the_config_are_served(example, shipped_tags):
+    tag_file, config = example('tag_locations.json'), example('greenhouse_config.yaml')
+    layout = read_layout(tag_file)
     assert (list(layout.tags), list(layout.tables)) == (['1', '2', '3'], ['left', 'right', 'back'])
-    assert simulation.load(Settings(), tag_file=path, sim_config_file=None).tag_ids == ['1', '2', '3']
+    assert simulation.load(Settings(), tag_file, None).tag_ids == ['1', '2', '3']
+    assert simulation.load(Settings(), None, config).tag_ids == list(shipped_tags)
+    assert read_colour_ranges(str(config)) == {'temperature': (0.0, 30.0)}
 
 
 def schema_of(name: str) -> dict:
@@ -89,13 +91,6 @@ def test_the_page_and_the_schema_have_the_defaults_that_the_bridge_warns_of():
         values = re.findall(r'[\w.]+|\[.*?\]', required.partition('default: ')[2].replace(' and ', ' '))
         on_page.update(zip(re.findall(r'\w+', keys), values, strict=False))
     assert on_page == {key: str(value) for key, value in COMPONENT_DEFAULTS.items()}
-
-
-def test_the_config_serves_the_shipped_tags(example, shipped_tags):
-    path = example('greenhouse_config.yaml')
-    greenhouse = simulation.load(Settings(), tag_file=None, sim_config_file=path)
-    assert greenhouse.tag_ids == list(shipped_tags)
-    assert read_colour_ranges(str(path)) == {'temperature': (0.0, 30.0)}
 
 
 def test_the_table_of_readings_has_these_columns(example, tmp_path):
@@ -179,7 +174,6 @@ def blocks_of(page: str) -> list[str]:
 
 
 def example_of(page: str) -> dict:
-    """Return the names that the Python blocks of a page define."""
     names = {}
     blocks = [block for block in blocks_of(page) if 'class ' in block or 'def ' in block]  # no script
     exec(compile(''.join(blocks), page, 'exec'), names)  # noqa: S102 (our own document)

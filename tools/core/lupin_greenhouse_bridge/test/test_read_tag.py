@@ -81,7 +81,6 @@ def reading_of(tag_id, seconds=0.0, values=(('co2', 1.5),)) -> TagReading:
 
 
 def reply(request, response):
-    """Handle a request as a bridge does."""
     response.reading = reading_of(request.tag_id)
     return response
 
