@@ -468,7 +468,6 @@ def test_without_its_layout_the_robot_does_not_drive(start_mission, bridge_param
 @pytest.mark.parametrize(
     ('parameters', 'fragment'),
     [
-        ({'nav_action_name': '"no such name"'}, "nav_action_name is 'no such name': must be words"),
         ({'approach_overrides_file': '/missing.yaml'}, '/missing.yaml'),
         ({}, source_of_messages('nav2_msgs')),
     ],

@@ -346,7 +346,6 @@ def test_a_signal_before_the_tags_are_known_ends_the_mission_with_a_table(start_
     [
         ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
         ('tag_locations_file', '/missing/tags.json', '/missing/tags.json'),
-        ('report_file', '/missing/report.jsonl', "make the folder '/missing'"),
         ('report_file', '/usr', 'Is a directory: name a file that can be written'),
         ('world_file', '/missing.sdf', "world_file '/missing.sdf': cannot be read"),
         ('layout_in_map', '/none.yaml', "registration '/none.yaml': cannot be read"),

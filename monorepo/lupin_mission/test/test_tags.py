@@ -51,18 +51,14 @@ def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'fragment'),
     [
-        (world(), 'has no model tag_<id>'),
         (world(MODEL.format('x', '0 0 0'), MODEL.format('07', '0 0 0')), 'has no model tag_<id>'),
         (world(MODEL.format(7, '0 0 0'), MODEL.format(7, '1 0 0')), 'has the model tag_7 twice'),
-        (world('<model name="tag_7"/>'), 'the model tag_7 has no pose'),
         (world(MODEL.format(7, 'nan 0 0')), 'the model tag_7 has no pose'),
-        (world('<model'), 'is not an SDF world'),
         (
             f'<!DOCTYPE sdf [<!ENTITY x0 "xxxxxxxxxx">{NESTED_ENTITIES}]>'
             + world('&x8;', MODEL.format(7, '0 0 0')),
             'is not an SDF world',
         ),
-        ('\udcff', 'is not UTF-8 text'),
         (None, "^world_file '.*world.sdf': cannot be read"),
     ],
     ids=lambda each: each[:30] if each else '',
@@ -70,7 +66,7 @@ def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
 def test_a_world_without_clear_tags_is_refused(tmp_path, text, fragment):
     path = tmp_path / 'world.sdf'
     if text is not None:
-        path.write_text(text, errors='surrogateescape')
+        path.write_text(text)
     with pytest.raises(StartUpError, match=fragment):
         read_world(str(path))
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_tag_confirmation.detector import TagDetector
-from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
 from lupin_tag_confirmation.settings import Settings
 
 CAMERA = PinholeCamera()
@@ -31,11 +30,3 @@ def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, 
                 picture = CAMERA.expose(scene, random, **condition)
                 found = [tag.tag_number for tag in detector.detect(picture) if not tag.flaw(settings)]
                 assert found == [tag_number], (angle_degrees, condition)
-
-
-@pytest.mark.parametrize('height', [SMALLEST_SIDE_PIXELS, 17, 480])
-@pytest.mark.parametrize('width', [SMALLEST_SIDE_PIXELS, 17, 640])
-def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
-    random = np.random.default_rng(0)
-    TagDetector().detect(random.integers(0, 256, (height, width), dtype=np.uint8))
-    TagDetector().detect(np.zeros((height, width), np.uint8))

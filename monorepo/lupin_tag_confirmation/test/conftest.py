@@ -24,7 +24,6 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile('unhurried')
 
 PATIENCE_SECONDS = 30.0
-TOPIC = '/tested/image'
 # The tags with these numbers, with their black borders: 8 x 8 modules of one bit.
 MODULES = {7: '0014703a14301000', 8: '005a2e7c706a0800'}
 
@@ -66,12 +65,12 @@ def detections(*tags: tuple, family='tag36h11') -> AprilTagDetectionArray:
 class Perception:
     """A camera and a client of a confirm_tag that runs."""
 
-    def __init__(self, node, message_type=Image, topic=TOPIC, namespace=''):
+    def __init__(self, node, namespace=''):
         # Here, because pytest must load the plug-in first.
         from lupin_greenhouse_bridge.testing._helpers import greet, wait_until
 
         self.node, self._wait_until = node, wait_until
-        self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)
+        self._images = node.create_publisher(Image, f'{namespace}/{TOPICS["image"]}', qos_profile_sensor_data)
         service = f'{namespace}/perception/confirm_tag'
         self._client = node.create_client(ConfirmTag, service, qos_profile=SERVICE_QOS)
         assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
@@ -122,11 +121,10 @@ def start(run_nodes):
     By default no image gets too old, and a call waits for the tag longer than a test does.
     """
 
-    def start_perception(message_type=Image, source='image', **parameters):
+    def start_perception(**parameters):
         patient = {'max_image_age_seconds': 3600.0, 'timeout_seconds': 2 * PATIENCE_SECONDS}
-        remap = ['-r', f'{TOPICS[source]}:={TOPIC}']
-        _, node = run_nodes(ConfirmTagNode, arguments=remap, source=source, **{**patient, **parameters})
-        return Perception(node, message_type)
+        _, node = run_nodes(ConfirmTagNode, **{**patient, **parameters})
+        return Perception(node)
 
     return start_perception
 

@@ -4,10 +4,9 @@ import threading
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from conftest import PATIENCE_SECONDS, Perception, compressed, detections, image_of, picture_of_tag
+from conftest import PATIENCE_SECONDS, Perception, image_of, picture_of_tag
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -19,19 +18,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
 EXECUTABLE = ('lupin_tag_confirmation', 'confirm_tag')
-
-
-@pytest.mark.parametrize(
-    ('source', 'message_of'),
-    [
-        ('image', lambda picture: image_of(picture, encoding='8UC1', is_bigendian=1)),
-        ('compressed', lambda picture: compressed(picture, 'JPEG')),
-        ('detections', lambda _picture: detections((9, 0, 50.0), (7, 0, 50.0))),
-    ],
-)
-def test_one_call_confirms_the_expected_tag(start, tag_7, source, message_of):
-    message = message_of(tag_7)
-    assert start(type(message), source).confirm('7', message).detected
 
 
 def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
@@ -74,7 +60,7 @@ def test_an_image_that_arrives_while_the_node_searches_another_counts(run_nodes,
     confirming, node = run_nodes(confirm_tag.ConfirmTagNode, max_image_age_seconds=3600.0)
     topic = f'/{TOPICS["image"]}'
     (subscription,) = [each for each in confirming.subscriptions if each.topic_name == topic]
-    perception = Perception(node, topic=topic)
+    perception = Perception(node)
     future = perception.ask('7')
     wait_until(lambda: perception.show(image_of(tag_7)) or searching.wait(0.05))
     wait_until(lambda: perception.show(image_of(tag_7)) or is_ready(subscription))
@@ -145,8 +131,7 @@ def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_t
     process = start_node([executable(*EXECUTABLE)], **patient)
     process.wait_for_log('ready: images from ')
     with spinning_node('perception_test') as node:
-        topic = f'{process.namespace}/{TOPICS["image"]}'
-        perception = Perception(node, topic=topic, namespace=process.namespace)
+        perception = Perception(node, process.namespace)
         waiting = [perception.ask('9') for _ in range(16)]
         assert perception.confirm('seven').error_message.startswith("tag 'seven' is not an id of tag36h11")
         assert perception.confirm('7', image_of(tag_7)).detected
