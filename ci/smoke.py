@@ -6,15 +6,15 @@ import sys
 
 import domain_coordinator
 from jobs import end
+from lupin_greenhouse_bridge.runtime.process import private_domains, variables_of_private_domain
 
 
 def main() -> int:
     """Run the bridge and read_tag --all; return the first exit code that is not 0."""
     executables = os.environ['LUPIN_EXECUTABLES']
     print('smoke: starting a bridge on a domain of its own, to read every tag', file=sys.stderr, flush=True)
-    with domain_coordinator.domain_id() as domain_id:
-        os.environ.update(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        os.environ['ROS_DISCOVERY_SERVER'] = ''  # it may be off, and nobody else is needed
+    with domain_coordinator.domain_id(private_domains()) as domain_id:
+        os.environ.update(variables_of_private_domain(domain_id))
         with subprocess.Popen([f'{executables}/bridge_node']) as bridge:
             try:
                 reading = subprocess.run([f'{executables}/read_tag', '--all', '--timeout', '30'], check=False)

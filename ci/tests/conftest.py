@@ -8,6 +8,7 @@ from pathlib import Path
 
 import domain_coordinator
 import pytest
+from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -106,7 +107,7 @@ def copy(tmp_path):
 @pytest.fixture
 def open_shell(copy, monkeypatch):
     """Return a function that opens a shell in a copy of the checkout, on a domain of the test."""
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
+    with domain_coordinator.domain_id(private_domains()) as domain_id, contextlib.ExitStack() as stack:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain_id))
 
         def opened() -> Shell:

@@ -14,6 +14,7 @@ import domain_coordinator
 import psutil
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.arguments import Parser
+from lupin_greenhouse_bridge.runtime.process import private_domains, variables_of_private_domain
 from lupin_greenhouse_bridge.testing import NodeProcess
 
 T = TypeVar('T')
@@ -31,8 +32,8 @@ def parser_of(document: str | None, short: str) -> argparse.ArgumentParser:
 @contextlib.contextmanager
 def own_domain() -> Iterator[None]:
     """Use a free domain of this host, here and in each process started from here."""
-    with domain_coordinator.domain_id() as domain_id:
-        os.environ.update(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    with domain_coordinator.domain_id(private_domains()) as domain_id:
+        os.environ.update(variables_of_private_domain(domain_id))
         yield
 
 

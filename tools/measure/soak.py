@@ -30,6 +30,7 @@ from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of, make_rows
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime.arguments import number_type
+from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -211,7 +212,8 @@ def results_of(command: list[str], count: int, *, is_signalled: bool) -> list[tu
     """
 
     def result(_number: int) -> tuple[int, str]:
-        with domain_coordinator.domain_id() as domain_id, tempfile.TemporaryDirectory() as folder:
+        domain = domain_coordinator.domain_id(private_domains())
+        with domain as domain_id, tempfile.TemporaryDirectory() as folder:
             environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}
             output: dict[str, Any] = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
             process = subprocess.Popen(command, cwd=folder, env=environment, **output)

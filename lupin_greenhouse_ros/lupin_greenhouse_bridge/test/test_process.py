@@ -132,6 +132,18 @@ def test_where_nothing_tells_which_rmw_is_installed_none_is_refused(monkeypatch)
     assert os.environ['RMW_IMPLEMENTATION'] == 'rmw_other'
 
 
+@pytest.mark.parametrize(
+    ('distro', 'hidden'),
+    [('humble', ('ROS_LOCALHOST_ONLY', '1')), ('kilted', ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'))],
+)
+def test_a_private_domain_is_of_no_team_and_hidden_from_other_machines(monkeypatch, distro, hidden):
+    monkeypatch.setenv('ROS_DISTRO', distro)
+    try_next = process.private_domains()
+    assert [try_next() for _ in range(32)] == [*range(71, 102), 71]
+    others = {('ROS_DOMAIN_ID', '71'), ('ROS_DISCOVERY_SERVER', '')}
+    assert set(process.variables_of_private_domain(71).items()) == {hidden, *others}
+
+
 @pytest.mark.parametrize('moment', ENDS)
 def test_read_tag_that_has_failed_keeps_its_exit_code_whatever_signal_comes(run_here, moment):
     ended = run_here(read_tag.main, '1', *NOBODY[:2], '--timeout', '0.01', signals_at={moment: BOTH})

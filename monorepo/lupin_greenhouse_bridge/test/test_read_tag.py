@@ -89,7 +89,10 @@ def reply(request, response):
 @contextlib.contextmanager
 def empty_domain():
     """Move to a domain without nodes, and yield its id."""
-    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+    with (
+        domain_coordinator.domain_id(process.private_domains()) as domain,
+        pytest.MonkeyPatch.context() as patch,
+    ):
         patch.setenv('ROS_DOMAIN_ID', str(domain))
         yield domain
 

@@ -28,9 +28,9 @@ from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type
 from lupin_greenhouse_bridge.runtime.output import print_line
-from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.confirmation import tag_number
 
@@ -57,7 +57,7 @@ class NodeEnded(OneLineError):
 
 def raise_if_asked_to_end() -> None:
     """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, at a point where no node is being started."""
-    if is_asked_to_end():
+    if process.is_asked_to_end():
         raise KeyboardInterrupt
 
 
@@ -151,17 +151,14 @@ def run_nodes(commands: list[list[str]], report: Path) -> int:
     Returns the exit code of the mission. Raises NodeEnded if another node ends before, and KeyboardInterrupt
     after Ctrl-C or SIGTERM.
     """
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        domain = {
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'ROS_DISCOVERY_SERVER': '',  # it may be off, and nobody else is needed
-        }
+    with contextlib.ExitStack() as stack:
+        domain_id = stack.enter_context(domain_coordinator.domain_id(process.private_domains()))
+        environment = os.environ | process.variables_of_private_domain(domain_id)
         processes = []
         for command in commands:
             # A terminal sends Ctrl-C to the nodes too, but the recorder has to end after the mission.
             signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-            processes.append(subprocess.Popen(command, env=os.environ | domain))
+            processes.append(subprocess.Popen(command, env=environment))
             signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
             stack.callback(stop, processes[-1])
         *others, mission = processes
@@ -173,7 +170,7 @@ def run_nodes(commands: list[list[str]], report: Path) -> int:
                         mission.kill()
                     ended = f'ended before the mission, with exit code {each.returncode}'
                     raise NodeEnded(f'{Path(path).name} {ended}: its log is above')
-            sleep(LOOK_EVERY_SECONDS)
+            process.sleep(LOOK_EVERY_SECONDS)
         raise_if_asked_to_end()
         return mission.returncode
 
@@ -249,7 +246,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
     options = parse(arguments)
-    install_signal_handlers()
+    process.install_signal_handlers()
     try:
         return run_mission(options)
     except OneLineError as error:

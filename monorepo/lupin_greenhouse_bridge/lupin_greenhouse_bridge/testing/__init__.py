@@ -39,6 +39,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.simulator.layout import shipped_file
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
@@ -179,7 +180,7 @@ def own_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     # With Fast DDS, the profile is what hides it. LOCALHOST would add shared memory to its transports.
     is_fast_dds = get_rmw_implementation_identifier().startswith('rmw_fastrtps')
     profiles_file = 'FASTRTPS' if distro in ('humble', 'jazzy') else 'FASTDDS'
-    with domain_coordinator.domain_id() as domain_id, pytest.MonkeyPatch.context() as patch:
+    with domain_coordinator.domain_id(private_domains()) as domain_id, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain_id))
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SYSTEM_DEFAULT' if is_fast_dds else 'LOCALHOST')
         if distro == 'humble':

@@ -8,10 +8,12 @@ import contextlib
 import faulthandler
 import importlib
 import io
+import itertools
 import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn
 
@@ -33,6 +35,7 @@ VARIABLES_OF_LOGGING = [
 # Fast DDS starts without a file that is missing, and logs a line of its own.
 VARIABLES_OF_FILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
+
 
 _is_asked_to_end = False
 _has_lost_output = False
@@ -174,6 +177,19 @@ def environment_problem() -> str:
         shown = f'is no folder: {keystore!r}' if keystore else 'is not set'
         return f'security is enabled, but ROS_SECURITY_KEYSTORE {shown}: set it to the path of the keystore'
     return _hidden_problem
+
+
+def private_domains() -> Callable[[], int]:
+    """Return what domain_coordinator.domain_id() tries: the domains that doc/course.md gives to nobody."""
+    return itertools.cycle(range(71, 102)).__next__
+
+
+def variables_of_private_domain(domain_id: int) -> dict[str, str]:
+    """Return the environment variables of a domain whose nodes communicate on this machine only."""
+    is_humble = os.environ.get('ROS_DISTRO') == 'humble'
+    visible = {'ROS_LOCALHOST_ONLY': '1'} if is_humble else {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    # A discovery server may be off, and nobody else is needed.
+    return {'ROS_DOMAIN_ID': str(domain_id), 'ROS_DISCOVERY_SERVER': '', **visible}
 
 
 def _is_secure() -> bool:
