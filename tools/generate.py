@@ -22,10 +22,7 @@ from check_drift import pluralized
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    try:
-        import tomli as tomllib
-    except ModuleNotFoundError:
-        sys.exit('generate: Python 3.10 needs tomli: sudo apt install python3-tomli, or run `make generate`')
+    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 CORE = 'tools/core'

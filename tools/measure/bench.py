@@ -86,11 +86,6 @@ def asking(*services: str) -> Iterator[Callable[[int], Array]]:
     context.try_shutdown()
 
 
-def digits(value: float) -> str:
-    """Return a number in four digits, or whole."""
-    return f'{value:,.0f}' if value >= 1000 else f'{value:.4g}'
-
-
 class Bench:
     """Measures, and prints the table row by row."""
 
@@ -111,8 +106,8 @@ class Bench:
         row |= {'middle_half': [low, high], 'rounds': len(rounds)}
         self.rows.append(row)
         spread = f' [{low:.3f}, {high:.3f}]' if len(rounds) > 1 else ''
-        sides = ' | '.join(f'{digits(value)} {unit}' for value in (subject, baseline))
-        print(f'| {figure} | {sides} | {ratio:.3f}{spread} |', flush=True)
+        sides = [f'{value:,.0f}' if value >= 1000 else f'{value:.4g}' for value in (subject, baseline)]
+        print(f'| {figure} | {sides[0]} {unit} | {sides[1]} {unit} | {ratio:.3f}{spread} |', flush=True)
 
     def latency(self) -> None:
         """
