@@ -144,11 +144,7 @@ def test_a_good_document_has_no_findings(findings):
         ('| `debug_seed` | `-1` | a seed |\n', '', f'has this in the {OF_BRIDGE}: | debug_seed | -1 |'),
         ('debug_seed', 'debug_sed', f'wrong in the {OF_BRIDGE}: | debug_sed | -1 |'),
         ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of'),
-        (
-            '<br>GetTagReading',
-            '<br>GetReading',
-            'graphs: /greenhouse_bridge/get_tag_reading GetReading -.-> gr',
-        ),
+        ('<br>GetTagReading', '<br>GetReading', 'graphs: /greenhouse_bridge/get_tag_reading GetReading -'),
         ('node([your', '    node([your', 'write this line of a graph as `source --> id["/name<br>'),
         ('-.-> greenhouse', '--> greenhouse', 'this in the ROS graphs: /greenhouse_bridge/get_tag_reading'),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),

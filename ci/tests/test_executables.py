@@ -40,8 +40,6 @@ def test_help_says_what_it_does_and_how_with_exit_code_0_and_leaves_no_file(exec
 
 # A command, an option with wrong values, and what its values must be.
 NUMBERS = [
-    ('read_tag', '--timeout 0', 'a number of seconds above 0, such as 5'),
-    ('read_tag', '--count 1.5', 'a whole number above 0, such as 3'),
     *(('approach_poses', f'--{name} x', 'a number in metres, such as 0.5') for name in ('radius', 'start 1')),
     ('approach_poses', '--angle 1e999', 'a number of degrees, such as 30'),
     ('approach_poses', '--walls 0 0 1 nan', 'a number in metres, such as 0.5'),

@@ -156,11 +156,9 @@ def test_a_table_that_does_not_fit_the_core_writes_nothing(repository, name, old
         assert message in refusal(repository, capsys, *arguments)
 
 
-def test_a_core_of_symlinks_and_none_and_a_folder_without_git_are_refused(repository, capsys):
+def test_a_core_of_symlinks_and_a_folder_without_git_are_refused(repository, capsys):
     put_a_symlink(repository / UNITS)
     assert 'units.py: is a symlink' in refusal(repository, capsys)
-    shutil.rmtree(repository / 'tools/core')
-    assert 'bridge_node.py: must have' in refusal(repository, capsys)
     shutil.rmtree(repository / '.git')
     assert 'not a git repository' in refusal(repository, capsys)
 
