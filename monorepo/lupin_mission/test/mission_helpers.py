@@ -135,7 +135,6 @@ class HeldService:
         return response
 
     def wait_for_request(self) -> str:
-        """Return the tag id of the next request."""
         return self._arrived.get(timeout=PATIENCE_SECONDS)
 
     def answer(self, **fields) -> None:
@@ -154,7 +153,6 @@ class HeldService:
             self.answer(reading=reading)
 
     def answer_tags(self, *tag_ids: str, tag_file: str = '') -> None:
-        """Reply like the parameter service of a bridge."""
         self.answer(
             values=[ParameterValue(string_array_value=tag_ids), ParameterValue(string_value=tag_file)]
         )
@@ -254,7 +252,6 @@ class HeldNavigator:
         return not self._cancels.empty()
 
     def answer_cancel(self, *, accept: bool = True) -> None:
-        """Answer the request to cancel that is held, or the next one."""
         self._cancel_replies.put(CancelResponse.ACCEPT if accept else CancelResponse.REJECT)
 
     def end(self, goal, how: str, **result_fields) -> None:
@@ -277,7 +274,6 @@ class HeldNavigator:
         goal.publish_feedback(feedback)
 
     def grant_cancel(self, goal) -> None:
-        """Accept a request to cancel a goal, and end the goal."""
         self.wait_for_cancel()
         self.answer_cancel()
         self.end(goal, 'canceled')
@@ -317,7 +313,6 @@ def discovered(*tags: tuple, frame_id: str = 'map') -> DiscoveredTags:
 
 
 def localized(x: float, y: float, frame_id: str = 'map') -> PoseWithCovarianceStamped:
-    """Return the message of the localiser for a robot that stands here."""
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame_id
     message.pose.pose = pose_message(x, y, 1.0)  # turned, as no tag is
@@ -325,8 +320,6 @@ def localized(x: float, y: float, frame_id: str = 'map') -> PoseWithCovarianceSt
 
 
 class Subscriber:
-    """Subscribes to one topic, and keeps its messages."""
-
     def __init__(self, node, message_type, topic: str, qos):
         self.received = []
         self._seen = 0
@@ -382,7 +375,6 @@ class Operator:
         return call(client, client.srv_type.Request(**fields))
 
     def start(self, **fields) -> str:
-        """Start a mission, and return its id."""
         response = self._call('start', **fields)
         assert (response.accepted, response.error_message) == (True, '')
         return response.mission_id
@@ -391,7 +383,6 @@ class Operator:
         return self._clients['start'].call_async(StartMission.Request())
 
     def rejection(self, **fields) -> str:
-        """Return why a start is rejected."""
         response = self._call('start', **fields)
         assert (response.accepted, response.mission_id) == (False, '')
         return response.error_message
@@ -442,9 +433,6 @@ class Mission(NodeProcess):
         """Ask the mission to end, like a signal."""
         self._is_asked_to_end.set()
 
-    def is_running(self) -> bool:
-        return self._thread.is_alive()
-
     def close(self) -> None:
         self.send()
         self._thread.join(PATIENCE_SECONDS)
@@ -463,7 +451,6 @@ class Mission(NodeProcess):
         return observations_in(path) if path.exists() else []
 
     def outcomes(self, mission_id: str = '') -> list[tuple[str, Outcome]]:
-        """Return (tag id, outcome) for each line of the report so far."""
         return [(each.tag_id, each.outcome) for each in self.observations(mission_id)]
 
     def lines_with(self, fragment: str) -> list[str]:

@@ -1,6 +1,5 @@
 """The drive with Nav2, against a real action server whose every step the test holds."""
 
-import importlib.util
 import math
 import uuid
 
@@ -20,11 +19,7 @@ from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
-pytestmark = pytest.mark.skipif(
-    not HAS_NAV2, reason=f'nav2_msgs is missing: {source_of_messages("nav2_msgs")}'
-)
-actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
+actions = pytest.importorskip('nav2_msgs.action', reason=source_of_messages('nav2_msgs'))
 HOUR = 3600.0
 HERE = Arrival()
 NORTH = math.pi / 2
@@ -93,14 +88,12 @@ class Trip:
         return self.accepted()
 
     def rejected(self) -> None:
-        """Reject a goal, and return once the drive knows it."""
         self.drive_until(self.navigator.has_goal)
         self.navigator.wait_for_goal()
         self.navigator.reject()
         self.drive_until(lambda: self.drive._sent.state is GoalState.REJECTED)
 
     def arrives(self) -> bool:
-        """Return whether a goal that the server accepts and reaches ends the drive there."""
         self.navigator.end(self.accepted(), 'succeed')
         return self.arrival() == HERE
 

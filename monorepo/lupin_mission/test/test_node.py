@@ -164,7 +164,6 @@ def test_a_report_without_a_name_lies_in_the_current_folder(start_mission, reade
 
 
 def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission):
-    """The tags are an array of numbers."""
     service = {'bridge_service_name': '/nobody/get_tag_reading', 'scan_timeout_s': 0.01}
     mission = start_mission(**service, tag_sequence='[5, 7]', max_attempts=2)
     assert mission.end() == 1

@@ -116,7 +116,6 @@ def test_the_place_is_the_tags_or_else_the_robots(stack):
 
 
 def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nodes, tmp_path):
-    """The layout is that of the tag file."""
     (tmp_path / 'tags.json').write_text('{"7": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
     write_transform(tmp_path / 'layout.yaml', Transform(10.0, 20.0, math.pi / 2))
     files = {'layout_in_map': tmp_path / 'layout.yaml', 'tag_file': tmp_path / 'tags.json'}

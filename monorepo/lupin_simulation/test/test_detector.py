@@ -13,9 +13,7 @@ SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 @pytest.mark.parametrize(
     ('distance_m', 'angles_degrees', 'conditions'),
     [
-        (0.2, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
         (0.5, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
-        (1.0, (0, 30, 45), (SHARP, NOISY)),
         (1.5, (0, 30, 45), (SHARP, NOISY)),
     ],
 )

@@ -2,7 +2,6 @@
 
 import contextlib
 import gc
-import importlib.util
 import math
 import sys
 import threading
@@ -45,17 +44,12 @@ POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
 NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
 NO_PATH = f'no path from 0.50, 0.50 m to {FAR.x:.2f}, {FAR.y:.2f} m'
 HOUR = 3600.0
-HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
-pytestmark = pytest.mark.skipif(
-    not HAS_NAV2, reason=f'nav2_msgs is missing: {source_of_messages("nav2_msgs")}'
-)
-actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
+actions = pytest.importorskip('nav2_msgs.action', reason=source_of_messages('nav2_msgs'))
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.
 ACTIONS = ('NavigateToPose', 'NavigateToPoseIron', 'NavigateToPoseHumble')
 
 
 def result_of(future):
-    """Return the result of a future whose node another thread spins."""
     done = threading.Event()
     future.add_done_callback(lambda _future: done.set())
     assert done.wait(PATIENCE_SECONDS), 'no reply'
@@ -63,8 +57,6 @@ def result_of(future):
 
 
 class Client:
-    """A client of the navigator, and what it hears of the robot."""
-
     def __init__(self, node, action_type):
         self._node, self._type = node, action_type
         # Not later: a client that is made while another thread destroys a server may not find its own.

@@ -56,7 +56,6 @@ def test_the_world_of_the_shipped_layout(tmp_path, capsys):
 
 
 def test_the_same_input_gives_the_same_bytes_and_tags_of_5_cm_unless_told(tmp_path, tag_file):
-    """How wide that makes the mesh and the plate of a tag is tested in test_sdf.py."""
     sides = {'default': [], 'same': ['--side', '0.05'], 'largest': ['--side', '0.15']}
     for folder, side in sides.items():
         assert make(tmp_path / folder, '--tag-file', tag_file, *side) == 0

@@ -276,7 +276,6 @@ def test_ctrl_c_in_a_terminal_ends_the_mission_before_its_recorder(tmp_path, cap
 
 @pytest.mark.parametrize('name', ['plot_report', 'readings_page'])
 def test_a_signal_ends_what_comes_after_a_mission(tmp_path, stand_in, name):
-    """Ctrl-C in a terminal ends the command too."""
     stand_in('bridge_node')
     stand_in('mission_orchestrator', script='')
     stand_in(name, script='kill -INT $PPID; exit 1')

@@ -1,18 +1,15 @@
 """The world that Drake renders: its camera and its check. ci/tests/test_world.py has what needs Drake."""
 
-import contextlib
 import math
 import sys
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import rclpy
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import pose_message
-from lupin_greenhouse_bridge.testing._helpers import running, wait_until
+from lupin_greenhouse_bridge.testing._helpers import wait_until
 from lupin_simulation import check_world, world_camera
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, viewpoint
@@ -58,26 +55,23 @@ def look(_eye, at) -> np.ndarray:
 
 
 @pytest.fixture
-def run_camera(monkeypatch):
+def run_camera(monkeypatch, run_nodes):
     """Return a function that runs a camera beside a robot whose mission stands at tag 7 already."""
     world = SimpleNamespace(tags={7: SOUTHWARDS}, look=look)
     monkeypatch.setattr(world_camera, 'RenderedWorld', lambda _file: world)
     monkeypatch.setattr(world_camera, 'FRAMES_PER_SECOND', 100)
-    with contextlib.ExitStack() as stack:
 
-        def run(namespace='', **parameters):
-            arguments = ['-r', f'__ns:={namespace}'] if namespace else []
-            # One participant for both: their endpoints find each other at once.
-            beside = partial(rclpy.create_node, 'robot')
-            _, robot = stack.enter_context(running(WorldCamera, beside, arguments=arguments, **parameters))
-            images = []
-            topic = f'{namespace}/camera/color/image_raw'
-            robot.create_subscription(Image, topic, images.append, qos_profile_sensor_data)
-            at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', latched())
-            at_tag.publish(String(data='7'))
-            return robot, at_tag, images, lambda level: bool(images) and images[-1].data[0] == level
+    def run(namespace='', **parameters):
+        arguments = ['-r', f'__ns:={namespace}'] if namespace else []
+        *_, robot = run_nodes(WorldCamera, arguments=arguments, **parameters)
+        images = []
+        topic = f'{namespace}/camera/color/image_raw'
+        robot.create_subscription(Image, topic, images.append, qos_profile_sensor_data)
+        at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', latched())
+        at_tag.publish(String(data='7'))
+        return robot, at_tag, images, lambda level: bool(images) and images[-1].data[0] == level
 
-        yield run
+    return run
 
 
 def test_it_shows_the_tag_of_the_mission_in_its_namespace(run_camera):
@@ -136,22 +130,20 @@ def test_a_world_file_that_is_missing_is_named_before_drake_is_asked_for(monkeyp
         RenderedWorld(name)
 
 
+DRAKE_IS_MISSING = f'Drake is missing (import of pydrake halted; None in sys.modules): {SOURCE_OF_DRAKE}'
+
+
 @pytest.mark.parametrize(
-    ('arguments', 'error'),
+    ('arguments', 'errors'),
     [
-        ([], f'Drake is missing (import of pydrake halted; None in sys.modules): {SOURCE_OF_DRAKE}'),
-        (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
+        ('', [DRAKE_IS_MISSING]),
+        ('--tag-file /missing.json', ["tag_file '/missing.json': cannot be read"]),
+        ('--walls 90 90 94 98', ['outside the walls (x 90 to 94 m, y 90 to 98 m): tags ', DRAKE_IS_MISSING]),
     ],
 )
-def test_a_check_that_cannot_be_made_is_refused_in_one_line(monkeypatch, capsys, arguments, error):
+def test_a_check_that_cannot_be_made_is_refused_in_one_line(monkeypatch, capsys, arguments, errors):
+    """A layout outside the walls is warned of."""
     monkeypatch.setitem(sys.modules, 'pydrake', None)
-    assert check_world.main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f'check_world: {error}')
-
-
-def test_a_layout_outside_the_walls_is_warned_of(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, 'pydrake', None)
-    assert check_world.main(['--walls', '90', '90', '94', '98']) == 2
-    warning, _ = capsys.readouterr().err.splitlines()
-    assert warning.startswith('check_world: outside the walls (x 90 to 94 m, y 90 to 98 m): tags ')
+    assert check_world.main(arguments.split()) == 2
+    for line, error in zip(capsys.readouterr().err.splitlines(), errors, strict=True):
+        assert line.startswith(f'check_world: {error}')
