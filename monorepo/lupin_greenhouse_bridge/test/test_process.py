@@ -5,17 +5,15 @@ import importlib
 import io
 import os
 import signal
-import subprocess
 import sys
 from functools import partial
 from types import SimpleNamespace
 
 import pytest
 import rclpy
-from conftest import SPINS, Terminal
+from conftest import SPINS, Terminal, ended_process
 from lupin_greenhouse_bridge import bridge_node, executables
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, source_of_messages
-from lupin_greenhouse_bridge.planning import register_layout
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine, said_if_slow
@@ -54,15 +52,8 @@ process.start('stuck')
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
 
 
-def ended_process(command):
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_SECONDS, check=False)
-    return ended.returncode, ended.stdout, ended.stderr
-
-
 @pytest.mark.parametrize(('moment', 'seed', 'code'), [(IMPORT, 1, 0), (IMPORT, -5, 1), (EXITS, -5, 1)])
-def test_a_process_that_is_signalled_before_or_after_its_node_keeps_its_exit_code(
-    start_bridge, moment, seed, code
-):
+def test_a_signal_before_or_after_the_node_keeps_the_exit_code(start_bridge, moment, seed, code):
     bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, BOTH), debug_seed=seed)
     assert bridge.end() == code
     assert any(f'signalled in {moment}' in line for line in bridge.log)
@@ -100,12 +91,6 @@ def test_the_process_of_read_tag_ends_as_documented():
 def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments):
     ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
     assert ended == (INTERRUPTED, f'signalled in {moment}\n', '')
-
-
-def test_register_layout_that_computes_ends_as_documented(run_here):
-    moment = 'lupin_greenhouse_bridge/planning/registration.py:best_to_click'
-    ended = run_here(register_layout.main, '--suggest', '3', signals_at={moment: BOTH})
-    assert ended[:2] == (INTERRUPTED, f'signalled in {moment}\n')
 
 
 @pytest.mark.parametrize(
@@ -217,9 +202,7 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name_and_a_long_text_is
         (False, True, 'sudo apt install ros-$ROS_DISTRO-nav2-msgs'),  # a prefix of conda
     ],
 )
-def test_messages_that_are_missing_come_from_apt_only_where_ros_does(
-    tmp_path, monkeypatch, is_venv, has_ros, source
-):
+def test_messages_come_from_apt_only_where_ros_does(tmp_path, monkeypatch, is_venv, has_ros, source):
     monkeypatch.setattr(sys, 'prefix', str(tmp_path))
     monkeypatch.setattr(sys, 'base_prefix', '/usr' if is_venv else str(tmp_path))
     if has_ros:

@@ -125,10 +125,9 @@ def listen(node, topic) -> list[TagReading]:
 
 
 @pytest.fixture
-def detector():
+def detector(robot):
     pytest.importorskip('apriltag_msgs', reason=NO_DETECTIONS)
-    with spinning_node('detector') as node:
-        yield node
+    return robot
 
 
 @contextlib.contextmanager
@@ -157,7 +156,8 @@ def start_reader(monkeypatch, run_nodes, detector, tmp_path):
         monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
         monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
         parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
-        stack.enter_context(logged_to(tmp_path / 'log'))
+        log = tmp_path / 'log'
+        stack.enter_context(logged_to(log))
         node, _ = run_nodes(ReadOnSightNode, **parameters)
         (client,) = node.clients
         if is_served:
@@ -171,9 +171,14 @@ def start_reader(monkeypatch, run_nodes, detector, tmp_path):
             wait_until(lambda: len(looks) >= wanted)
 
         camera, readings = Camera(detector), listen(detector, READINGS)
-        pass_seconds = clock.pass_seconds
         return SimpleNamespace(
-            node=node, seen=seen, camera=camera, readings=readings, look=look, pass_seconds=pass_seconds
+            node=node,
+            seen=seen,
+            camera=camera,
+            readings=readings,
+            look=look,
+            pass_seconds=clock.pass_seconds,
+            log=lambda: log.read_text(encoding='utf-8', errors='replace'),
         )
 
     with contextlib.ExitStack() as stack:
@@ -184,14 +189,7 @@ def tag_ids_of(readings) -> list[str]:
     return [each.tag_id for each in readings]
 
 
-@pytest.fixture
-def log(tmp_path):
-    return lambda: (tmp_path / 'log').read_text(encoding='utf-8', errors='replace')
-
-
-def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
-    start_bridge, start_node, detector, shipped_tags
-):
+def test_every_tag_in_view_is_read_after_a_restart(start_bridge, start_node, detector, shipped_tags):
     in_view = [*map(int, shipped_tags), 400, 401, 402]
     first = start_bridge()
     first.wait_for_log('ready:')
@@ -219,9 +217,7 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     assert reader.stop() == 0
 
 
-def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscribers(
-    noon_bridge, start_reader, detector, log
-):
+def test_a_tag_in_view_is_published_after_each_cooldown(noon_bridge, start_reader, detector):
     reader = start_reader(bridge_service_name=noon_bridge.service_name)
     reader.camera.look_at(1)
     for count in (1, 2, 3):
@@ -234,63 +230,55 @@ def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscri
     assert late[:3] == reader.readings[:3]
     values = {each.name: each.value for each in reader.readings[0].readings}
     shown = ', '.join(f'{name} {value_text(name, value)}' for name, value in values.items())
-    assert log().count(f"tag '1': {shown}") == log().count("tag '1': ") == 1
+    assert reader.log().count(f"tag '1': {shown}") == reader.log().count("tag '1': ") == 1
 
 
-def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_is_said_once(
-    held_service, start_reader, log
-):
+def test_other_families_are_ignored_and_an_unknown_id_is_said_once(held_service, start_reader):
     held_service.status, held_service.error_message = GetTagReading.Response.STATUS_UNKNOWN_TAG, 'Unknown x6.'
     held_service.reply(1000)
     reader = start_reader(tag_id_format='x{id}', cooldown_seconds=0.01)
     reader.camera.in_view = [('tag25h9', 5), ('tf36h11', 6)]
     wait_until(lambda: reader.pass_seconds(0.01) or len(held_service.requests) >= 4)
     assert set(held_service.requests) == {'x6'}
-    shown = log()
+    shown = reader.log()
     assert shown.count('Unknown x6.') == 1
     assert shown.count("ignored a tag of the family 'tag25h9': the tags of the greenhouse are tag36h11") == 1
     assert reader.readings == []
 
 
-def test_what_is_no_reading_of_this_tag_is_said_and_not_published(
-    held_service, start_reader, log, monkeypatch
-):
+def test_what_is_no_reading_of_this_tag_is_said_and_not_published(held_service, start_reader, monkeypatch):
     """The tests of read_tag have the other faults."""
     held_service.reply(1000)
     reader = start_reader()
     with monkeypatch.context() as patch:
         patch.setattr(held_service, 'fields', {'tag_id': '8'})
         reader.camera.look_at(7)
-        wait_until(lambda: "tag '7': BAD_READING: the reading of tag '7': it is of tag '8'" in log())
+        wait_until(lambda: "tag '7': BAD_READING: the reading of tag '7': it is of tag '8'" in reader.log())
     reader.camera.look_at(9)
     wait_until(lambda: reader.readings)
     assert tag_ids_of(reader.readings) == ['9']
 
 
-def test_two_servers_of_the_service_are_named_once_also_by_a_relative_or_remapped_name(
-    held_service, start_reader, log
-):
+def test_two_servers_of_the_service_are_named_once_by_any_name(held_service, start_reader):
     with spinning_node('other') as other:
         other.create_service(GetTagReading, held_service.name, lambda _request, response: response)
         reader = start_reader(arguments=('-r', f'remapped:={held_service.name}'))
         wait_until(lambda: servers_of(reader.node, held_service.name) == ['/held', '/other'])
         reader.camera.look_at(7, 8)
         named = f'{held_service.name} is offered by /held and /other: clients use the first reply'
-        wait_until(lambda: named in log())
+        wait_until(lambda: named in reader.log())
         reader.look()
-        assert log().count('is offered by') == 1
+        assert reader.log().count('is offered by') == 1
         for name in ('held/get_tag_reading', 'remapped'):
             assert duplicate_server_warning(reader.node, name).startswith(named)
 
 
-def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any_is_said(
-    held_service, start_reader, log
-):
+def test_a_late_reply_is_dropped_and_a_tag_without_any_is_said(held_service, start_reader):
     reader = start_reader(max_attempts=2)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests)
     reader.look(2.0)
-    assert 'no reply' not in log()
+    assert 'no reply' not in reader.log()
     held_service.reply(2)
     wait_until(lambda: reader.readings)
     reader.camera.look_at(7, 8)
@@ -305,20 +293,18 @@ def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
     reader.pass_seconds(2.0)
-    wait_until(lambda: f"tag '9': no reply from {held_service.name}" in log())
+    wait_until(lambda: f"tag '9': no reply from {held_service.name}" in reader.log())
     assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
 
-def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
-    held_service, start_reader, log, monkeypatch
-):
+def test_a_reply_to_a_request_that_is_given_up_is_ignored(held_service, start_reader, monkeypatch):
     """The executor can have the callback of the reply in its queue when the request is removed."""
     monkeypatch.setattr(rclpy.client.Client, 'remove_pending_request', lambda *_arguments: None)
     reader = start_reader(max_attempts=1)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests == ['7'])
     reader.pass_seconds(2.0)
-    wait_until(lambda: "tag '7': no reply" in log())
+    wait_until(lambda: "tag '7': no reply" in reader.log())
     held_service.reply()
     reader.pass_seconds(2.0)
     wait_until(lambda: held_service.requests == ['7', '7'])
@@ -327,7 +313,7 @@ def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     assert [each.sim_time_of_day_seconds for each in reader.readings] == [2.0]
 
 
-def test_a_request_that_ros_refuses_to_send_is_sent_again(held_service, start_reader, log, monkeypatch):
+def test_a_request_that_ros_refuses_to_send_is_sent_again(held_service, start_reader, monkeypatch):
     call_async, refused = rclpy.client.Client.call_async, []
 
     def refuse_the_first(client, request):
@@ -340,30 +326,28 @@ def test_a_request_that_ros_refuses_to_send_is_sent_again(held_service, start_re
     reader = start_reader()
     monkeypatch.setattr(rclpy.client.Client, 'call_async', refuse_the_first)
     reader.camera.look_at(7)
-    wait_until(lambda: 'continued after: failed to send request' in log())
+    wait_until(lambda: 'continued after: failed to send request' in reader.log())
     wait_until(lambda: reader.readings)
     assert (refused, held_service.requests) == (['7'], ['7'])
 
 
-def test_without_a_bridge_it_says_so_after_some_seconds_and_reads_what_is_in_view_when_one_comes(
-    start_reader, log
-):
+def test_without_a_bridge_it_says_so_and_reads_when_one_comes(start_reader):
     reader = start_reader(is_served=False)
     (client,) = reader.node.clients
     assert client.qos_profile == SERVICE_QOS  # keeps as many replies to other clients as the bridge sends
     for number in (1, 2):  # the node has seen all of the first when it sees the second
         reader.camera.look_at(number)
         wait_until(lambda: str(number) in reader.seen)  # noqa: B023 (called at once)
-    assert 'no service' not in log()  # DDS may not have discovered a bridge that runs
+    assert 'no service' not in reader.log()  # DDS may not have discovered a bridge that runs
     reader.look(3.0)
-    wait_until(lambda: f'no service {HeldService.name} with ROS_DOMAIN_ID=' in log())
+    wait_until(lambda: f'no service {HeldService.name} with ROS_DOMAIN_ID=' in reader.log())
     reader.camera.look_at(3)
     with running_held_service() as service:
         service.reply(1000)
         wait_until(lambda: reader.pass_seconds(0.01) or '3' in service.requests)
-        wait_until(lambda: f'{HeldService.name} is available now' in log())
+        wait_until(lambda: f'{HeldService.name} is available now' in reader.log())
     assert '1' not in service.requests
-    assert log().count('no service') == 1
+    assert reader.log().count('no service') == 1
 
 
 def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):

@@ -92,9 +92,7 @@ NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
         ),
     ],
 )
-def test_the_clock_counts_from_the_start_at_its_speed_or_is_frozen(
-    monkeypatch, parameters, wall_times, expected
-):
+def test_the_clock_counts_from_the_start_or_is_frozen(monkeypatch, parameters, wall_times, expected):
     """A start is at midnight, and the clock of the shipped config wraps after 48 s."""
     nows = [datetime.datetime.strptime(each, '%H:%M:%S') for each in ('00:00:00', *wall_times)]
     clock = SimpleNamespace(now=lambda: nows[0])  # in place of `datetime` in the simulator
@@ -106,9 +104,9 @@ def test_the_clock_counts_from_the_start_at_its_speed_or_is_frozen(
     assert times == pytest.approx(expected)
 
 
-def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
-    bridge = start_bridge(debug_seed=7, debug_time_of_day=12.0)
-    served = [bridge.values(tag_id) for tag_id in NOISY_TAGS]
+def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(ask_here):
+    ask = ask_here(debug_seed=7, debug_time_of_day=12.0)
+    served = [{each.name: each.value for each in ask(tag_id).reading.readings} for tag_id in NOISY_TAGS]
     sim = simulator.GreenhouseSimulator()
     sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=12.0)
     random.seed(7)

@@ -107,7 +107,7 @@ def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_w
         ['lowest 600 ppm at tag 5', ['5']],
         ['highest 700 ppm at tags 1 and 3', ['1', '3']],
     ]
-    assert sensor['limits'] == [600.0, 800.0]
+    assert (sensor['limits'], data['route']) == ([600.0, 800.0], [])
 
 
 def test_more_tags_than_are_shown_are_counted(report):
@@ -119,13 +119,6 @@ def test_more_tags_than_are_shown_are_counted(report):
     assert len(data['tags']) == readings_page.MOST_TAGS
     assert data['notes'][0] == f'The map, the table and the charts show 1,000 of {total:,} tags.'
     assert data['failures'][0]['more'] == ' and 7 more'
-
-
-def test_the_route_that_a_robot_drove_is_shown(report, tmp_path):
-    route = tmp_path / 'route.csv'
-    route.write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
-    assert shown(report(visit('1', co2=1.0)), '--route', str(route))['route'] == [[0.5, 0.5], [0.5, 3.5]]
-    assert shown(report(visit('1', co2=1.0)))['route'] == []
 
 
 def test_without_the_simulator_a_recording_shows_its_own_places(recording, report, monkeypatch, capsys):
@@ -215,7 +208,9 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
     room = shipped_config['visualization'] | {'greenhouse_width_m': 3.0, 'greenhouse_height_m': 2.0}
     config = json.dumps(shipped_config | {'visualization': room})
     (tmp_path / 'report-greenhouse_config.yaml').write_text(config, encoding='utf-8')
+    (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
     data = shown(report(visit('7', co2=600.0)))
+    assert data['route'] == [[0.5, 0.5], [0.5, 3.5]]
     assert [(tag['id'], tag['x'], tag['y']) for tag in data['tags']] == [('7', 0.5, 1.5)]
     assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
 

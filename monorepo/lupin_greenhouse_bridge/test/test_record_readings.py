@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
-from conftest import SPINS
-from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
+from conftest import SPINS, reading_of
+from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording import record_readings, subscription
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.record_readings import BufferedWriter
@@ -122,13 +122,7 @@ def test_topics_are_a_text_or_an_array():
 
 def reading(number, tag_id='7') -> TagReading:
     """Return a reading of two values with this number of nanoseconds."""
-    message = TagReading(tag_id=tag_id, sim_time_of_day_seconds=14400.0)
-    message.stamp.sec, message.stamp.nanosec = 1_795_189_976, number
-    message.readings = [
-        SensorReading(name='co2', value=float(number)),
-        SensorReading(name='light', value=0.5),
-    ]
-    return message
+    return reading_of(tag_id, 1_795_189_976, number, 14400.0, co2=float(number), light=0.5)
 
 
 @pytest.fixture
@@ -184,9 +178,7 @@ def start_recorder(run_nodes, file):
     return start
 
 
-def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(
-    start_recorder, readings, file, capfd
-):
+def test_a_row_with_a_wrong_number_is_refused_and_counted(start_recorder, readings, file, capfd):
     recorder, bad = start_recorder(), reading(1, 'new\nline')
     bad.readings[0].value = float('nan')
     readings.publish(bad)
@@ -262,9 +254,7 @@ def test_positions_come_from_the_tag_file(start_recorder, readings, file, write_
     assert kept == {('7', 9.0, 9.5, TOPIC), ('nowhere', None, None, TOPIC)}
 
 
-def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(
-    start_node, start_recorder, readings, file
-):
+def test_a_killed_recorder_goes_on_and_keeps_nothing_twice(start_node, start_recorder, readings, file):
     """The latched readings are delivered again to the second recorder."""
     for number in range(10):
         readings.publish(reading(number))
@@ -282,9 +272,7 @@ def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(
 
 
 @pytest.mark.parametrize(('signals', 'lost'), [('Ctrl-C', 0), ('SIGTERM and Ctrl-C', 0), ('SIGTERM', 1)])
-def test_a_signal_writes_the_last_rows_and_the_exit_code_is_1_if_some_are_lost(
-    run_here, tmp_path, monkeypatch, signals, lost
-):
+def test_a_signal_writes_the_last_rows_or_is_exit_code_1(run_here, tmp_path, monkeypatch, signals, lost):
     create, end = record_readings.subscribe_to_readings, BufferedWriter.end
 
     def receive_at_once(node, topics, on_reading):
@@ -306,9 +294,7 @@ def test_a_short_parameter_with_a_wrong_letter_is_recognized(run_here):
     assert 'parameter fike is unknown and ignored: did you mean file?' in ended.err
 
 
-def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(
-    start_recorder, robot, monkeypatch
-):
+def test_a_topic_without_a_publisher_is_named_and_its_first_too(start_recorder, robot, monkeypatch):
     monkeypatch.setattr(subscription, 'NO_PUBLISHER_SECONDS', 0.0)
     monkeypatch.setattr(subscription, 'LOOK_EVERY_SECONDS', 0.01)
     monkeypatch.setattr(RcutilsLogger, 'info', lambda _logger, text: said.append(text))

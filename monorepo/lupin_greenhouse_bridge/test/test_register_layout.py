@@ -7,7 +7,6 @@ import math
 import random
 import re
 import shlex
-import signal
 import threading
 
 import pytest
@@ -29,6 +28,7 @@ from lupin_greenhouse_bridge.planning.registration import (
 )
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 
@@ -60,9 +60,7 @@ def part(places_m: dict, tag_ids) -> dict:
 
 
 @given(TRANSFORMS, st.sets(st.sampled_from(sorted(SHIPPED_M)), max_size=14), st.integers(0, 2**32))
-def test_any_transform_is_found_again_and_outliers_are_left_out_while_they_are_a_minority(
-    transform, tag_ids, seed
-):
+def test_any_transform_is_found_again_without_a_minority_of_outliers(transform, tag_ids, seed):
     chance = random.Random(seed)
     places_m = moved(SHIPPED_M, transform)
     for tag_id in tag_ids:
@@ -311,9 +309,7 @@ def test_only_an_earlier_registration_is_replaced(register, places, tmp_path, na
     assert read_transform(output) == pytest.approx(TRANSFORM)
 
 
-def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_are_refused(
-    register, places, write_layout, tmp_path
-):
+def test_strangers_misfits_and_large_errors_are_refused(register, places, write_layout, tmp_path):
     ended = register({**places, '99': [0.0, 0.0]})
     assert ended.code == 2
     assert refusal(ended).startswith(f"tag '99' is not one of the {len(places)} tags of the layout")
@@ -417,12 +413,14 @@ def test_each_tag_is_clicked_in_turn(run_here, places, tmp_path, frame, other):
     assert (frame_id, transform) == (frame, pytest.approx(TRANSFORM))
 
 
-def test_ctrl_c_keeps_nothing_and_says_so(run_here, tmp_path):
-    ended = run_here(
-        register_layout.main,
-        *('--click', '1', '2', '-o', str(tmp_path / 'layout.yaml')),
-        signals_at={SPINS: (signal.SIGINT,)},
-    )
+COMPUTES = 'lupin_greenhouse_bridge/planning/registration.py:best_to_click'
+
+
+@pytest.mark.parametrize(('words', 'moment'), [('--click 1 2', SPINS), ('--suggest 3', COMPUTES)])
+def test_ctrl_c_keeps_nothing_and_says_so(run_here, tmp_path, words, moment):
+    words = (*words.split(), '-o', str(tmp_path / 'layout.yaml'))
+    ended = run_here(register_layout.main, *words, signals_at={moment: SIGNALS['SIGTERM and Ctrl-C']})
     assert ended.code == 130
+    assert ended.out.endswith(f'signalled in {moment}\n')
     assert refusal(ended) == 'interrupted: nothing is kept, and nothing is written'
     assert not (tmp_path / 'layout.yaml').exists()

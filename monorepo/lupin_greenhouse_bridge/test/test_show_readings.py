@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
-from conftest import SPINS
+from conftest import SPINS, reading_of
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
@@ -26,7 +26,7 @@ from lupin_greenhouse_bridge.display.markers import (
     interpolate,
 )
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
-from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
+from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
@@ -47,12 +47,6 @@ BENCH = Layout(
 )
 WALLS = Walls(0.0, 0.0, 4.0, 8.0)
 CO2, TRANSFORM = Scale('co2', (300.0, 800.0)), Transform()
-
-
-def reading_of(tag_id, seconds=100, **values):
-    reading = TagReading(tag_id=tag_id, readings=[SensorReading(name=k, value=v) for k, v in values.items()])
-    reading.stamp.sec = seconds
-    return reading
 
 
 def of_namespace(markers, namespace) -> list[Marker]:
@@ -223,7 +217,7 @@ def start_here(monkeypatch, run_nodes):
 
 
 @pytest.mark.parametrize('durability', [LATCHED, VOLATILE])
-def test_a_published_reading_appears_among_the_markers_and_in_the_field(
+def test_a_reading_is_shown_as_a_marker_and_in_the_field(
     start_here, robot, shipped_tags, warm_tag_id, durability
 ):
     """A web client has no QoS, so it is volatile."""
@@ -257,9 +251,7 @@ def test_a_late_viewer_sees_the_latched_messages(start_here, viewer, shipped_tag
     assert set(viewer.fields[-1].data) == {-1}
 
 
-def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_last(
-    start_here, robot, viewer, capfd
-):
+def test_the_newest_reading_counts_or_after_a_jump_back_the_last(start_here, robot, viewer, capfd):
     start_here(readings_topics=f'{TOPIC} /tested/other')
     now = int(time.time())
     readings = [reading_of('1', now + after, co2=value) for after, value in ((0, 600.0), (-30, 500.0))]
@@ -304,9 +296,7 @@ def test_an_age_is_by_the_clock_of_the_stamp(start_here, robot, viewer):
     wait_for_labels(65, 'co2 501 ppm\n1 min ago', warm)
 
 
-def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(
-    start_here, robot, viewer, shipped_tags, capfd
-):
+def test_an_unknown_tag_and_an_infinite_value_change_no_other(start_here, robot, viewer, shipped_tags, capfd):
     start_here(radius_m=0.01)
     first, second = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:2]
     unknown = [reading_of('x\n1', seconds, co2=500.0) for seconds in (100, 200)]
@@ -319,9 +309,7 @@ def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(
     assert capfd.readouterr().err.count(warning) == 1
 
 
-def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
-    start_here, robot, viewer, write_layout, tmp_path
-):
+def test_a_custom_layout_and_config_are_shown_in_the_map(start_here, robot, viewer, write_layout, tmp_path):
     config = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'
     config += 'visualization: {colorbar_ranges: {ozone: {min: 0, max: 10}}}'
     (tmp_path / 'greenhouse.yaml').write_text(config)

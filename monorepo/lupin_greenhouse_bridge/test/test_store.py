@@ -51,9 +51,7 @@ def database(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['readings.sqlite', 'readings.db', 'readings.csv', 'READINGS.CSV'])
-def test_what_was_kept_is_read_again_from_one_file_with_the_positions_of_the_layout_where_it_has_none(
-    tmp_path, shipped_tags, name
-):
+def test_what_was_kept_is_read_again_with_the_positions_of_the_layout(tmp_path, shipped_tags, name):
     kept = [
         row(0, value=0.1 + 0.2),
         row(1, tag_id='a "b", c\r\nd\u2028e\x85', sensor='ünits'),
@@ -115,9 +113,7 @@ OLD_TABLE = store_module._TABLE.replace('sensor, value)', 'sensor)')
         ('CREATE VIEW readings AS SELECT 1 AS value', 'readings'),
     ],
 )
-def test_a_database_that_cannot_take_our_columns_is_refused_by_the_name_of_the_column(
-    database, table, problem
-):
+def test_a_database_that_cannot_take_our_columns_is_refused(database, table, problem):
     open_store(str(database))
     change_database(database, 'DROP TABLE readings', table, 'PRAGMA user_version = 7')
     before = database.read_bytes()
@@ -442,15 +438,9 @@ VISIT = REPORT.partition('\n')[0]
         (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation (it is not JSON)'),
         ('{"tag_id": "7"}\n', "line 1 is not an observation ('outcome' is missing)"),
         ('{"tag_id": ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
-        (
-            REPORT.replace('"attempts": 2', '"attempts": 1e999'),
-            'observation (cannot convert float inf',
-        ),
+        (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (cannot convert float inf'),
         (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
-        (
-            REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'),
-            'not an observation (it has no value)',
-        ),
+        (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'not an observation (it has no value)'),
         *(
             (REPORT + VISIT.replace(right, wrong) + end, f'line 3 has a wrong value: {fault}')
             for right, wrong, end, fault in (

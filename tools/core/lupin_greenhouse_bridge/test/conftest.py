@@ -1,4 +1,5 @@
 """Fixtures of the contract tests."""
+# ruff: noqa: E402 (pytest has to know of the package testing before it is imported here)
 
 import contextlib
 import fcntl
@@ -10,6 +11,7 @@ import os
 import pty
 import signal
 import struct
+import subprocess
 import termios
 import threading
 from pathlib import Path
@@ -21,12 +23,17 @@ os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 import hypothesis
 import pytest
 import yaml
+
+pytest.register_assert_rewrite('lupin_greenhouse_bridge.testing')
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.testing import Bridge
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, spinning_node
+from lupin_greenhouse_bridge.testing._signals import raising
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
 
@@ -88,8 +95,6 @@ def shipped_config():
 @pytest.fixture(scope='session')
 def noon_process(own_domain):  # noqa: ARG001 (the domain comes first)
     """Return a bridge with the shipped greenhouse, frozen at noon, for the tests of a whole run."""
-    from lupin_greenhouse_bridge.testing import Bridge  # here, so that pytest rewrites its assertions
-
     with contextlib.closing(Bridge(debug_time_of_day=12.0)) as bridge:
         bridge.wait_for_log('ready:')
         yield bridge
@@ -127,6 +132,11 @@ class Ended(NamedTuple):
         return fatal[0]
 
 
+def ended_process(command):
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_SECONDS, check=False)
+    return ended.returncode, ended.stdout, ended.stderr
+
+
 class Terminal:
     """A terminal of this size: its `stream` to print to, and the `text` that was printed."""
 
@@ -150,6 +160,13 @@ class Terminal:
         self.stream.close()
         self._reader.join()
         os.close(self._screen)
+
+
+def reading_of(tag_id, seconds=100, nanoseconds=0, time_of_day=0.0, **values) -> TagReading:
+    readings = [SensorReading(name=name, value=value) for name, value in values.items()]
+    reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=time_of_day, readings=readings)
+    reading.stamp.sec, reading.stamp.nanosec = seconds, nanoseconds
+    return reading
 
 
 class HeldService:
@@ -185,8 +202,6 @@ class HeldService:
 
 @contextlib.contextmanager
 def running_held_service():
-    from lupin_greenhouse_bridge.testing._helpers import spinning_node  # as above
-
     with spinning_node('held') as node:
         service = HeldService(node)
         try:
@@ -198,8 +213,6 @@ def running_held_service():
 @pytest.fixture
 def robot():
     """Return a node with its own context."""
-    from lupin_greenhouse_bridge.testing._helpers import spinning_node  # as above
-
     with spinning_node('robot') as node:
         yield node
 
@@ -217,8 +230,6 @@ def run_here(capfd, monkeypatch):
 
     A main() takes the process for its own: it leaves signals ignored, and ROS's default context used up.
     """
-    from lupin_greenhouse_bridge.testing._signals import raising  # as above
-
     monkeypatch.setattr(read_tag, 'SILENT_SECONDS', math.inf)  # its exact output is tested
     not_taken = []
     before = {number: signal.getsignal(number) for number in process.SIGNALS}
@@ -265,7 +276,6 @@ def bridge_here(run_here):
 @pytest.fixture
 def ask_here(run_nodes):
     """Return a function that runs the bridge in the test's process, and returns the client of its service."""
-    from lupin_greenhouse_bridge.testing._helpers import call  # as above
 
     def ask(**parameters):
         _, node = run_nodes(bridge_node.GreenhouseBridgeNode, **parameters)
@@ -277,8 +287,6 @@ def ask_here(run_nodes):
 
 @pytest.fixture
 def read_tag_here(run_here):
-    from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS  # as above
-
     patience = ('--timeout', str(PATIENCE_SECONDS))
     return lambda *arguments, **keywords: run_here(read_tag.main, *patience, *arguments, **keywords)
 

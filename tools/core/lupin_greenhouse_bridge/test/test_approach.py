@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from lupin_greenhouse_bridge.display.colours import read_colour_ranges
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
@@ -581,9 +582,10 @@ def test_the_walls_are_those_of_the_config_or_go_around_everything(monkeypatch, 
     config.write_text(f'{CONFIG}visualization: {{greenhouse_width_m: 3, greenhouse_height_m: 6}}')
     assert find_walls(LAYOUT, str(config)) == (0.0, 0.0, 3.0, 6.0)
     assert find_walls(LAYOUT, str(config), '-1, -2 5 6.5') == (-1.0, -2.0, 5.0, 6.5)
-    for section in ('', 'visualization:', 'visualization: {grid_spacing_m: 1}'):
+    for section in ('', 'visualization: {}', 'visualization: {grid_spacing_m: 1}'):
         config.write_text(f'{CONFIG}{section}')
         assert find_walls(LAYOUT, str(config)) == (-1.6, -1.6, 3.6, 4.1)
+        assert read_colour_ranges(str(config)) == {}
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert find_walls(LAYOUT) == (-1.6, -1.6, 3.6, 4.1)
 

@@ -222,9 +222,7 @@ def start_check(run_nodes):
 
 
 @pytest.mark.parametrize('is_served', [True, False])
-def test_the_example_replies_with_the_reading_of_the_bridge_or_that_none_came(
-    start_check, noon_bridge, is_served
-):
+def test_the_example_replies_with_the_reading_or_that_none_came(start_check, noon_bridge, is_served):
     reply = start_check(noon_bridge.service_name if is_served else '/nobody/get_tag_reading')
     assert reply.success == is_served
     assert re.fullmatch(r'\d{3} ppm' if is_served else 'the bridge did not reply', reply.message)

@@ -44,18 +44,18 @@ def test_each_argument_alone_changes_only_what_it_should(argument, is_debugged):
     assert (greenhouse.sim.sim_config, greenhouse.warnings) == (expected, [])
 
 
-def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, write_layout):
+def test_a_custom_tag_file_is_served_here_or_refused_there(ask_here, bridge_here, write_layout):
     """The one divergence of the two trees, as a user sees it."""
     tag_file = write_layout({'A7': (1.0, 2.0)})
-    bridge = start_bridge(tag_file=tag_file)
-    if not TAKES_TAG_FILES:
-        fatal = bridge.refusal()
+    if TAKES_TAG_FILES:
+        ask = ask_here(tag_file=tag_file)
+        assert [each.name for each in ask('A7').reading.readings] == ['co2']
+        assert ask('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tag known)."
+    else:
+        fatal = bridge_here(tag_file=tag_file).refusal
         assert f"tag_file '{tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal
         assert 'leave tag_file empty' in fatal
-    else:
-        assert list(bridge.values('A7')) == ['co2']
-        assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tag known)."
 
 
 @pytest.mark.parametrize(
@@ -92,9 +92,7 @@ def test_the_path_is_blamed_only_where_it_is_a_string(write_layout, monkeypatch,
         ('speedup_factor', '[1', '-p speedup_factor:=[1'),
     ],
 )
-def test_a_bad_parameter_is_refused_before_the_service_exists(
-    bridge_here, monkeypatch, parameter, value, fragment
-):
+def test_a_bad_parameter_is_refused_before_it_serves(bridge_here, monkeypatch, parameter, value, fragment):
     monkeypatch.delattr(bridge_node, 'SERVICE_QOS')  # without which the service cannot be created
     fatal = bridge_here(**{parameter: value}).refusal
     assert parameter in fatal
@@ -118,9 +116,7 @@ def test_a_bad_parameter_is_refused_before_the_service_exists(
         (show_readings.main, 'sim_config_file', '/none.yaml', "'/none.yaml'"),
     ],
 )
-def test_a_wrong_parameter_of_another_node_is_refused(
-    run_here, tmp_path, monkeypatch, main, name, value, fragment
-):
+def test_a_bad_parameter_of_a_node_is_refused(run_here, tmp_path, monkeypatch, main, name, value, fragment):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'folder.db').mkdir()
     assert fragment in run_here(main, '--ros-args', '-p', f'{name}:={value}').refusal
