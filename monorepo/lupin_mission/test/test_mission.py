@@ -24,13 +24,12 @@ class Robot(SimulatedDrive):
     """
     A drive that records what it is told: 'a' for the first pose of tag a, 'a2' for its second, and so on.
 
-    The first drives end with `arrivals`, one after the other; the others fail if there is an `obstacle`.
+    The first drives end with `arrivals`, one after the other, and the others where they should.
     """
 
     def __init__(self, drive_seconds=0.0, arrivals=(), poses=1):
         super().__init__(drive_seconds)
         self.told, self.arrivals = [], list(arrivals)
-        self.obstacle, self.is_moving = '', False
         self.count_poses = lambda _tag_id: poses
 
     def start(self, tag_id, now_seconds, pose=1):
@@ -42,27 +41,19 @@ class Robot(SimulatedDrive):
     def _set_off(self, goal, now_seconds):
         super().start_return(now_seconds)
         self.told.append(goal)
-        self.is_moving = True
-        self._arrival = self.arrivals.pop(0) if self.arrivals else Arrival(self.obstacle)
+        self._arrival = self.arrivals.pop(0) if self.arrivals else Arrival()
 
     def arrival(self, now_seconds):
-        is_there = super().arrival(now_seconds)
-        self.is_moving = not is_there
-        return is_there and self._arrival
+        return super().arrival(now_seconds) and self._arrival
 
     def pause(self):
         self.told.append('pause')
-        self.is_moving = False
 
     def resume(self):
         self.told.append('resume')
 
     def stop(self):
         self.told.append('stop')
-        self.is_moving = False
-
-
-OF_ROBOT = {'drive_seconds', 'arrivals', 'poses'}
 
 
 class World:
@@ -77,7 +68,8 @@ class World:
     def __init__(self, tag_ids='ab', *, is_estop_engaged=False, **options):
         self.now = 0.0
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
-        self.robot = Robot(**{name: options.pop(name) for name in OF_ROBOT & options.keys()})
+        of_robot = options.keys() & {'drive_seconds', 'arrivals', 'poses'}
+        self.robot = Robot(**{name: options.pop(name) for name in of_robot})
         self.trace = self.robot.told
         self.mission = Mission(tag_ids, self, self.robot, replace(SETTINGS, **options))
         if is_estop_engaged:

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform, write_trans
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission.passive_observer import PassiveObserver, Settings
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation, SensorReading, TagReading
-from mission_helpers import discovered, localized, publish
+from mission_helpers import Subscriber, discovered, localized, publish
 from rclpy.qos import QoSProfile
 
 LATCHED = latched(50)
@@ -42,11 +42,8 @@ class Stack:
             self.node.executor.create_task(handled.set)
             assert handled.wait(PATIENCE_SECONDS)
 
-    def subscribe(self) -> list[Observation]:
-        """Return the list that the observations from now on, and the latched ones, come into."""
-        received = []
-        self.node.create_subscription(Observation, self._topic, received.append, LATCHED)
-        return received
+    def subscribe(self) -> Subscriber:
+        return Subscriber(self.node, Observation, self._topic, LATCHED)
 
     def read(self, tag_id: str, *values: float, sim_time: float = 0.0) -> None:
         sensors = [SensorReading(name='co2', value=value) for value in values]
@@ -55,11 +52,10 @@ class Stack:
 
     def observe(self, tag_id: str) -> Observation:
         """Read a tag, and return its observation, which must be the next."""
-        before = len(self.observations)
         self.read(tag_id, 600.0)
-        wait_until(lambda: len(self.observations) > before)
-        assert self.observations[before].tag_reading.tag_id == tag_id
-        return self.observations[before]
+        observation = self.observations.wait_for()
+        assert observation.tag_reading.tag_id == tag_id
+        return observation
 
     def place_of(self, tag_id: str) -> tuple[float, float] | None:
         """Read a tag, and return the place in its observation; None if it is unset."""
@@ -94,8 +90,7 @@ def test_a_reading_becomes_an_observation(stack):
     assert [(sensor.name, sensor.value) for sensor in observation.tag_reading.readings] == [('co2', 600.0)]
     for unset in (observation.tag_pose_in_map, observation.flower.pose.pose, observation.anomaly.pose.pose):
         assert unset == Pose(orientation=Quaternion(w=0.0))
-    late = stack.subscribe()
-    wait_until(lambda: late == [observation])
+    assert stack.subscribe().wait_for() == observation
 
 
 def test_the_place_is_the_tags_or_else_the_robots(stack):
@@ -156,7 +151,7 @@ def test_a_reading_that_cannot_be_is_no_observation(stack, capfd):
     ):
         stack.read(tag_id, *values, sim_time=sim_time)
     stack.observe('8')
-    assert len(stack.observations) == 1
+    assert len(stack.observations.received) == 1
     assert "reading of tag '7' ignored: it " in capfd.readouterr().err
 
 
@@ -167,7 +162,7 @@ def test_it_is_silent_while_a_mission_runs(stack):
     for idle in ('BOOT', 'READY', 'DONE', 'FAULT'):
         stack.mission(idle)
         stack.observe('8')
-    assert len(stack.observations) == 4
+    assert len(stack.observations.received) == 4
     stack.mission('INSPECTING')
     stack.node.destroy_publisher(stack.states)  # it has crashed
     wait_until(lambda: stack.node.count_publishers('/mission/state') == 0)
@@ -193,4 +188,4 @@ def test_its_names_move_with_the_namespace_and_its_topic_and_frame_are_those_of_
     assert [stack.place_of(tag_id) for tag_id in '78'] == [(3.0, 4.0), None]
     stack.stand(1.0, 2.0, 'world')
     assert stack.place_of('8') == (1.0, 2.0)
-    assert {each.header.frame_id for each in stack.observations} == {'world'}
+    assert {each.header.frame_id for each in stack.observations.received} == {'world'}

@@ -17,20 +17,6 @@ TOPIC = '/perception/discovered_tags'
 
 
 @pytest.fixture
-def discover(node, shipped_tags):
-    """Return a function that publishes these tags as perception discovers them, latched."""
-    publisher = node.create_publisher(DiscoveredTags, TOPIC, TWIN_QOS)
-
-    def discover(tag_ids, frame_id='map', *, unset=(), off=()):
-        places = {tag_id: TRANSFORM.point(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
-        found = [(each, *places.get(each, (0.0, 0.0)), float(each not in unset)) for each in tag_ids]
-        tags = [(tag_id, x + (tag_id in off), y, w) for tag_id, x, y, w in found]
-        publisher.publish(discovered(*tags, frame_id=frame_id))
-
-    return discover
-
-
-@pytest.fixture
 def register(monkeypatch, tmp_path, capfd):
     """Return a function that runs register_discovered_tags; it returns the exit code and the output."""
     monkeypatch.setattr(process, '_is_asked_to_end', False)
@@ -46,9 +32,14 @@ def register(monkeypatch, tmp_path, capfd):
         signal.signal(number, handler)
 
 
-def test_the_layout_is_fitted_to_the_discovered_tags(discover, register, tmp_path):
+def test_the_layout_is_fitted_to_the_discovered_tags(node, register, shipped_tags, tmp_path):
     """A tag that the layout lacks and a tag without a pose do not count; an outlier is left out."""
-    discover(['1', '99', '7', '20', '5', '12', '3'], 'robot1/map', unset=['5'], off=['7'])
+    places = {tag_id: TRANSFORM.point(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
+    x, y = places['7']
+    places |= {'7': (x + 1.0, y), '99': (0.0, 0.0)}
+    tags = [(each, *places[each], float(each != '5')) for each in ('1', '99', '7', '20', '5', '12', '3')]
+    publisher = node.create_publisher(DiscoveredTags, TOPIC, TWIN_QOS)
+    publisher.publish(discovered(*tags, frame_id='robot1/map'))
     code, out, _ = register('--tags', '5')
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()[1:-3]] == ['1', '7', '20', '12', '3']

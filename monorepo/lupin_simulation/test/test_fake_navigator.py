@@ -1,15 +1,12 @@
 """The fake navigator in the test's process, with a client of its action. The test moves its clock."""
 
-import contextlib
 import gc
 import math
 import sys
 import threading
-from functools import partial
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -132,25 +129,26 @@ def clock(monkeypatch):
     return clock
 
 
-@pytest.fixture
-def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from the start
-    """Return a function that runs the navigator with these parameters, and returns its client."""
-    with contextlib.ExitStack() as stack:
-
-        def start_navigator(action='NavigateToPose', **parameters):
-            action_type = getattr(actions, action)
-            monkeypatch.setattr(fake_navigator, 'navigate_to_pose', lambda *_: action_type)
-            # One participant for both: their endpoints find each other at once.
-            beside = partial(rclpy.create_node, 'navigator_test')
-            _, node = stack.enter_context(running(FakeNavigator, beside, **parameters))
-            # In the thread that spins: rclpy spins a client of an action before it is complete.
-            client = result_of(node.executor.create_task(Client, node, action_type))
-            return client.wait_for_server() if parameters.get('autostart', True) else client
-
-        yield start_navigator
-    # rclpy leaves the state machine of a life cycle and a client of an action, and with each its participant,
-    # to the garbage collector.
+@pytest.fixture(autouse=True)
+def collected():
+    """Rclpy leaves clients of actions and life cycles, and with each its participant, to this collector."""
+    yield
     gc.collect()
+
+
+@pytest.fixture
+def start(monkeypatch, run_nodes, clock):  # noqa: ARG001 - the robot has its clock from the start
+    """Return a function that runs the navigator with these parameters, and returns its client."""
+
+    def start_navigator(action='NavigateToPose', **parameters):
+        action_type = getattr(actions, action)
+        monkeypatch.setattr(fake_navigator, 'navigate_to_pose', lambda *_: action_type)
+        _, node = run_nodes(FakeNavigator, **parameters)
+        # In the thread that spins: rclpy spins a client of an action before it is complete.
+        client = result_of(node.executor.create_task(Client, node, action_type))
+        return client.wait_for_server() if parameters.get('autostart', True) else client
+
+    return start_navigator
 
 
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):

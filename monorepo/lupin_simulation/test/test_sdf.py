@@ -36,17 +36,6 @@ def numbers(text) -> np.ndarray:
     return np.array(text.split(), dtype=float)
 
 
-def box(world, name, part='visual') -> np.ndarray:
-    """Return the edges of a box in the world: its lowest x, y and z, and its highest."""
-    model = world.find(f"model[@name='{name}']")
-    solid = model.find(f'link/{part}')
-    model_pose, own_pose = numbers(model.findtext('pose')), numbers(solid.findtext('pose'))
-    assert not own_pose.any()
-    assert not model_pose[3:].any()
-    half = numbers(solid.findtext('geometry/box/size')) / 2
-    return np.array([model_pose[:3] - half, model_pose[:3] + half])
-
-
 @pytest.mark.parametrize('part', ['visual', 'collision'])
 @pytest.mark.parametrize(
     ('name', 'lowest', 'highest'),
@@ -61,7 +50,11 @@ def box(world, name, part='visual') -> np.ndarray:
     ],
 )
 def test_floor_walls_and_tables_fill_their_places(world, name, part, lowest, highest):
-    assert np.allclose(box(world, name, part), [lowest, highest])
+    model = world.find(f"model[@name='{name}']")
+    solid = model.find(f'link/{part}')
+    place, size = numbers(model.findtext('pose')), numbers(solid.findtext('geometry/box/size'))
+    assert not any([*numbers(solid.findtext('pose')), *place[3:]])
+    assert np.allclose([place[:3] - size / 2, place[:3] + size / 2], [lowest, highest])
 
 
 @pytest.mark.parametrize('part', ['visual', 'collision'])
