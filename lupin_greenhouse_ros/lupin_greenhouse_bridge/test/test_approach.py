@@ -503,8 +503,6 @@ def test_a_leg_through_a_narrow_passage_is_named_and_avoided_for_a_small_detour_
     assert is_wide or route == shortest
 
 
-# The direction that each tag faces, and the walls around the layout
-
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
 FAR = Walls(-50.0, -50.0, 50.0, 50.0)
 CONFIG = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'

@@ -22,13 +22,10 @@ from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.units import UNITS, label_of
 
 # Not importorskip, which ends the import of the module: launch_testing imports every test module.
-HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
 pytestmark = pytest.mark.skipif(
-    not HAS_MATPLOTLIB,
+    not importlib.util.find_spec('matplotlib'),
     reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
 )
-Figure = importlib.import_module('matplotlib.figure').Figure if HAS_MATPLOTLIB else None
-Text = importlib.import_module('matplotlib.text').Text if HAS_MATPLOTLIB else None
 
 
 @pytest.fixture
@@ -46,7 +43,8 @@ def report(tmp_path):
 def figures(monkeypatch):
     """Return the list of the figures from now on, which are not saved: that takes long."""
     figures = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **_options: figures.append(figure))
+    save = 'matplotlib.figure.Figure.savefig'
+    monkeypatch.setattr(save, lambda figure, *_, **_options: figures.append(figure))
     return figures
 
 
@@ -60,7 +58,8 @@ def drawn(tmp_path, figures):
 
 
 def texts_in(figure) -> list[str]:
-    return [text.get_text() for text in figure.findobj(Text)]
+    kind = importlib.import_module('matplotlib.text').Text
+    return [text.get_text() for text in figure.findobj(kind)]
 
 
 def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn, shipped_tags):

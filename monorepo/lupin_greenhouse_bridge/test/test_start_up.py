@@ -233,13 +233,19 @@ def launched(launch, description):
     return run
 
 
-def test_launch_forwards_what_is_set_with_the_type_of_the_node(launched):
-    """Whole numbers, as people type them; they override the parameter file."""
-    numbers = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7}
-    code, log = launched(**numbers, params_file=PARAMETER_FILE, namespace='robot1', log_level='debug')
+def test_launch_forwards_what_is_set_and_warns_of_a_name_that_resembles_an_argument(launched, caplog):
+    """
+    Whole numbers, as people type them; they override the parameter file.
+
+    The other name is no error, because it may be an argument of a launch file that includes this one.
+    """
+    given = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7, 'tag_fle': 42}
+    code, log = launched(**given, params_file=PARAMETER_FILE, namespace='robot1', log_level='debug')
     assert code == 0
     for part in ('clock frozen at 6.0 h', '[robot1.greenhouse_bridge]', '[DEBUG]'):
         assert part in log
+    warnings = [record.message for record in caplog.records if record.levelname == 'WARNING']
+    assert 'argument tag_fle is unknown: did you mean tag_file?' in warnings
 
 
 @pytest.mark.parametrize(
@@ -254,13 +260,6 @@ def test_launch_names_an_argument_that_cannot_be_used(launched, caplog, argument
     assert launched(**{argument: value}) == (1, '')
     (line,) = [record.message for record in caplog.records if record.levelname == 'ERROR']
     assert fault in line
-
-
-def test_launch_warns_of_a_name_that_resembles_an_argument(launched, caplog):
-    """It is no error, because it may be an argument of a launch file that includes this one."""
-    assert launched(debug_sed=42)[0] == 0
-    warnings = [record.message for record in caplog.records if record.levelname == 'WARNING']
-    assert 'argument debug_sed is unknown: did you mean debug_seed?' in warnings
 
 
 def test_the_arguments_of_launch_are_described_and_default_to_the_parameters(launch, description):

@@ -71,9 +71,6 @@ def cell(field, x, y) -> int:
     return field.data[row * info.width + column]
 
 
-# The field
-
-
 def test_a_cell_at_a_tag_has_its_value_one_far_away_has_none_and_no_step_is_where_a_reach_ends():
     grid = FieldGrid(0.0, 0.0, 0.1, 40, 20)
     values = interpolate(grid, [(1.0, 1.0, 20.0), (1.32, 1.0, 10.0), (3.0, 1.0, 5.0)], radius_m=0.5)
@@ -96,9 +93,6 @@ def test_every_cell_lies_between_the_readings_or_has_no_value(samples):
     for x, y, _ in samples:
         assert 0 <= (x - grid.x) / 0.2 <= grid.columns
         assert 0 <= (y - grid.y) / 0.2 <= grid.rows
-
-
-# The markers
 
 
 @pytest.mark.parametrize(('age_seconds', 'text'), [(59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')])
@@ -171,9 +165,6 @@ def test_no_label_covers_another_one(shipped_tags):
     shared_x_m, shared_y_m = (width + width.T) / 2 - abs(x - x.T), (height + height.T) / 2 - abs(y - y.T)
     covered = np.clip(shared_x_m, 0, None) * np.clip(shared_y_m, 0, None) > 1e-4
     assert np.argwhere(np.triu(covered, k=1)).tolist() == []
-
-
-# The node
 
 
 class Publisher:
