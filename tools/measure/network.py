@@ -171,14 +171,13 @@ def discovery_server() -> Iterator[None]:
     address, _, port = DISCOVERY_SERVER.partition(':')
     # 42 stands for `server`, which `fastdds discovery`, the command for people, fills in.
     command = ['fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port]
-    server = subprocess.Popen([*ROBOT, *command], stdout=subprocess.DEVNULL)
     os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
-    try:
-        yield
-    finally:
-        del os.environ['ROS_DISCOVERY_SERVER']
-        server.kill()
-        server.wait()
+    with subprocess.Popen([*ROBOT, *command], stdout=subprocess.DEVNULL) as server:
+        try:
+            yield
+        finally:
+            del os.environ['ROS_DISCOVERY_SERVER']
+            server.kill()
 
 
 def an_id_that_is_no_text(_scale: int) -> Promises:

@@ -27,7 +27,6 @@ from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.runtime.run import ros
 from shared import PATIENCE_SECONDS, Server
 
-HERE = Path(__file__).resolve().parent
 # What a client has counted: its greetings, calls, answered and timed out; its swapped ones, which are replies
 # for another tag; its slowest in milliseconds; and the replies at each time of day, such as 12 h.
 Counts: TypeAlias = 'Counter[str]'
@@ -38,7 +37,7 @@ class Bridge(Server):
     """A bridge process that counts its requests, and prints the count when it ends cleanly."""
 
     def __init__(self, *prefix: str, debug_time_of_day: float = 12.0):
-        command = (*prefix, sys.executable, str(HERE / 'counting_bridge.py'))
+        command = (*prefix, sys.executable, str(Path(__file__).with_name('counting_bridge.py')))
         super().__init__(*command, debug_time_of_day=debug_time_of_day)
 
     def has_handled(self, clients: Sequence[Counts]) -> tuple[str, bool]:
@@ -60,7 +59,7 @@ class ClientProcess:
     """A client process; see main() for its options."""
 
     def __init__(self, *options: object, prefix: tuple[str, ...] = ()):
-        command = [*prefix, sys.executable, str(HERE / 'traffic.py'), *map(str, options)]
+        command = [*prefix, sys.executable, __file__, *map(str, options)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         atexit.register(self.process.kill)
 
