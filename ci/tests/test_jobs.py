@@ -10,6 +10,7 @@ from pathlib import Path
 import jobs
 import pytest
 from conftest import run as run_command
+from run_tests import PYTEST
 
 pytestmark = pytest.mark.heavy
 TESTS = """
@@ -22,11 +23,10 @@ def test_each(number):
 """
 
 
-@pytest.mark.parametrize('options', [['--instafail'], ['--instafail', '-n', '2'], []])
+@pytest.mark.parametrize('options', [[], ['-n', '2']])
 def test_the_tests_are_counted_as_they_end_and_a_failure_is_shown(tmp_path, options):
     (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
-    command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
-    result = run_command(*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
+    result = run_command(*PYTEST, *options, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
     job = jobs.Tests('five', [], tmp_path / 'log')
     read = [(line, job.read(line) or '', job.state()) for line in result.stdout.splitlines()]
     (failure,) = job.failures
@@ -42,7 +42,7 @@ def test_the_tests_are_counted_as_they_end_and_a_failure_is_shown(tmp_path, opti
         number for number, each in enumerate(shown) if each.startswith('E ') and 'one is wrong' in each
     )
     later = next(number for number, line in enumerate(lines) if 'test_each[2a' in line)
-    assert options != ['--instafail'] or reported < later
+    assert options or reported < later
     assert 'SKIPPED [1]' in '\n'.join(shown)
     assert not any('PASSED' in each or 'test_each[0a' in each for each in shown)
 

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import signal
-import subprocess
 import sys
 import time
 import uuid
@@ -47,19 +46,13 @@ def mark():
             os.kill(pid, signal.SIGKILL)
 
 
-def start_stubborn(mark, *container) -> subprocess.Popen:
-    """Start the background jobs, and wait until each is what it becomes."""
-    process = start(*container, 'bash', '-c', STUBBORN, LUPIN_TEST_MARK=mark)
-    assert process.stdout.readline() == 'started\n'
-    deadline = time.monotonic() + PATIENCE_SECONDS
-    while [line[:5] for line in marked(mark).values()].count('sleep') < 5:
-        assert time.monotonic() < deadline, marked(mark)
-    return process
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_every_descendant(mark, number):
-    process = start_stubborn(mark, sys.executable, kill_tree.__file__)
+    process = start(sys.executable, kill_tree.__file__, 'bash', '-c', STUBBORN, LUPIN_TEST_MARK=mark)
+    assert process.stdout.readline() == 'started\n'
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while [line[:5] for line in marked(mark).values()].count('sleep') < 5:  # each is what it becomes
+        assert time.monotonic() < deadline, marked(mark)
     process.send_signal(number)
     assert process.wait(PATIENCE_SECONDS) == 128 + number
     assert not marked(mark)

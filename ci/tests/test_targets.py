@@ -70,7 +70,7 @@ MISTAKES = [
     (['run', 'ARGS=-p debug_sed:=42'], 'run: parameter debug_sed is unknown: did you mean debug_seed?'),
     (['run', 'ARGS=rate:=1'], 'run: parameter rate is unknown: the parameters are tag_file, '),
     (['tags', "SIDE=it's 4;cm"], "tags: SIDE='it's 4;cm' is no number of millimetres between"),
-    (['tags', 'SIDE=0.04'], "tags: SIDE='0.04' is no number of millimetres between 8 and 152: write SIDE=40"),
+    (['tags', 'SIDE=7.9'], "tags: SIDE='7.9' is no number of millimetres between 8 and 152: write SIDE=40"),
     (['tags', 'SIDE=152.5'], "tags: SIDE='152.5' is no number of millimetres between 8 and 152: write"),
     (['soak', 'SIGNALS=many'], "soak: 'many' is no whole number: write one, such as SIGNALS=500"),
     (['mission', 'CAMERA=maybe'], 'CAMERA=maybe: write CAMERA=1 or CAMERA=0, CAMERA=comp'),
