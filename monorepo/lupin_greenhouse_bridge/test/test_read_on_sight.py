@@ -156,8 +156,7 @@ def start_reader(monkeypatch, run_nodes, detector, tmp_path):
         monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
         monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
         parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
-        log = tmp_path / 'log'
-        stack.enter_context(logged_to(log))
+        stack.enter_context(logged_to(tmp_path / 'log'))
         node, _ = run_nodes(ReadOnSightNode, **parameters)
         (client,) = node.clients
         if is_served:
@@ -170,15 +169,12 @@ def start_reader(monkeypatch, run_nodes, detector, tmp_path):
             wanted = len(looks) + 2
             wait_until(lambda: len(looks) >= wanted)
 
+        def log():
+            return (tmp_path / 'log').read_text(encoding='utf-8', errors='replace')
+
         camera, readings = Camera(detector), listen(detector, READINGS)
         return SimpleNamespace(
-            node=node,
-            seen=seen,
-            camera=camera,
-            readings=readings,
-            look=look,
-            pass_seconds=clock.pass_seconds,
-            log=lambda: log.read_text(encoding='utf-8', errors='replace'),
+            node=node, seen=seen, camera=camera, readings=readings, look=look, log=log, clock=clock
         )
 
     with contextlib.ExitStack() as stack:
@@ -224,7 +220,7 @@ def test_a_tag_in_view_is_published_after_each_cooldown(noon_bridge, start_reade
         wait_until(lambda: len(reader.readings) >= count)  # noqa: B023 (called at once)
         reader.look(9.75)
         assert tag_ids_of(reader.readings) == ['1'] * count
-        reader.pass_seconds(0.25)
+        reader.clock.pass_seconds(0.25)
     late = listen(detector, READINGS)
     wait_until(lambda: len(late) >= 3)
     assert late[:3] == reader.readings[:3]
@@ -238,7 +234,7 @@ def test_other_families_are_ignored_and_an_unknown_id_is_said_once(held_service,
     held_service.reply(1000)
     reader = start_reader(tag_id_format='x{id}', cooldown_seconds=0.01)
     reader.camera.in_view = [('tag25h9', 5), ('tf36h11', 6)]
-    wait_until(lambda: reader.pass_seconds(0.01) or len(held_service.requests) >= 4)
+    wait_until(lambda: reader.clock.pass_seconds(0.01) or len(held_service.requests) >= 4)
     assert set(held_service.requests) == {'x6'}
     shown = reader.log()
     assert shown.count('Unknown x6.') == 1
@@ -292,7 +288,7 @@ def test_a_late_reply_is_dropped_and_a_tag_without_any_is_said(held_service, sta
     reader.look(2.0)
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
-    reader.pass_seconds(2.0)
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: f"tag '9': no reply from {held_service.name}" in reader.log())
     assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
@@ -303,10 +299,10 @@ def test_a_reply_to_a_request_that_is_given_up_is_ignored(held_service, start_re
     reader = start_reader(max_attempts=1)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests == ['7'])
-    reader.pass_seconds(2.0)
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: "tag '7': no reply" in reader.log())
     held_service.reply()
-    reader.pass_seconds(2.0)
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: held_service.requests == ['7', '7'])
     held_service.reply()
     wait_until(lambda: reader.readings)
@@ -344,7 +340,7 @@ def test_without_a_bridge_it_says_so_and_reads_when_one_comes(start_reader):
     reader.camera.look_at(3)
     with running_held_service() as service:
         service.reply(1000)
-        wait_until(lambda: reader.pass_seconds(0.01) or '3' in service.requests)
+        wait_until(lambda: reader.clock.pass_seconds(0.01) or '3' in service.requests)
         wait_until(lambda: f'{HeldService.name} is available now' in reader.log())
     assert '1' not in service.requests
     assert reader.log().count('no service') == 1

@@ -146,9 +146,7 @@ TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
 SMALL_CONFIG = 'time: {debug_mode: false, speedup_factor: 1}\nsensors:\n'
 SMALL_CONFIG += ''.join(f'  {name}: [{{}}]\n' for name in SENSORS)
-ANCHORS = SMALL_CONFIG.replace(
-    'temperature: [{}]', 'temperature: [&lamp {value_at_noon: 1, dynamics: uniform}]'
-)
+ANCHORS = SMALL_CONFIG.replace('[{}]', '[&lamp {value_at_noon: 1, dynamics: uniform}]', 1)
 ANCHORS = ANCHORS.replace('[{}]', '[{<<: *lamp, value_at_noon: 3}, *lamp]')
 GOOD_CONFIGS = [
     f'\ufeff{SMALL_CONFIG}'.replace('\n', '\r\n').encode(),
@@ -196,9 +194,9 @@ def write(tmp_path, shipped_config):
     return written
 
 
-def load(parameter, path, chosen=None):
+def load(parameter, path):
     """Load with a pathlib.Path, as the simulator needs it, in both trees."""
-    return simulation.load(chosen or Settings(), **{**dict.fromkeys(PARAMETERS), parameter: path})
+    return simulation.load(Settings(), **{**dict.fromkeys(PARAMETERS), parameter: path})
 
 
 def refused(function, *arguments, **keywords) -> str:

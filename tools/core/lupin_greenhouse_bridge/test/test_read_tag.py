@@ -50,11 +50,7 @@ def read(read_tag_here, noon_bridge):
 
 @pytest.fixture
 def times_out_when(monkeypatch):
-    """
-    Return a function that lets each timeout of read_tag end when is_so(its node) is true, and never before.
-
-    A test that hangs ends after PATIENCE_SECONDS.
-    """
+    """Return a function that lets each timeout of read_tag end when is_so(its node) is true, not before."""
     nodes, create_node = [], rclpy.create_node
 
     def create(*arguments, **keywords):

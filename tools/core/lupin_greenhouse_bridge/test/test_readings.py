@@ -39,15 +39,8 @@ def test_a_reading_is_never_torn_and_has_the_stamp_of_the_wall_clock(ask_here, m
     assert len(times) == len(warm_tags)
 
 
-@pytest.fixture
-def read_answer(monkeypatch):
-
-    def read(answer):
-        sim = loaded()
-        monkeypatch.setattr(sim, 'get_sensor_data', lambda _tag_id: answer)
-        return simulation.read(sim, '1')
-
-    return read
+def read_answer(answer):
+    return simulation.read(SimpleNamespace(get_sensor_data=lambda _tag_id: answer), '1')
 
 
 @pytest.mark.parametrize(
@@ -65,13 +58,13 @@ def read_answer(monkeypatch):
         ({'timestamp': -1e-9, 'co2': 1.0}, 'outside [0, 86400)'),
     ],
 )
-def test_an_answer_that_is_no_reading_is_an_error_with_its_cause(read_answer, answer, cause):
+def test_an_answer_that_is_no_reading_is_an_error_with_its_cause(answer, cause):
     with pytest.raises(simulation.ReadingError, match=re.escape(cause)):
         read_answer(answer)
 
 
 @pytest.mark.parametrize('value', [numpy.float32(3), numpy.int8(3), 3, fractions.Fraction(6, 2)])
-def test_any_finite_real_number_is_cast(read_answer, value):
+def test_any_finite_real_number_is_cast(value):
     sim_time, values = read_answer({'timestamp': numpy.int64(43200), 'co2': value})
     assert (sim_time, values) == (43200.0, {'co2': 3.0})
     assert {type(sim_time), type(values['co2'])} == {float}

@@ -34,13 +34,10 @@ def recording(tmp_path):
 
     def write(name, values, sensor='ph', place_m=(1.0, 2.0)):
         path = tmp_path / name
-        stamps = [(START_S + number) * 1_000_000_000 for number in range(len(values))]
-        rows = [
-            Row(ns, utc_of(ns), 'a1', sensor, value, '', *place_m, 60.0, 'test')
-            for ns, value in zip(stamps, values, strict=True)
-        ]
         store = open_store(str(path))
-        store.keep(rows)
+        for number, value in enumerate(values):
+            ns = (START_S + number) * 10**9
+            store.keep([Row(ns, utc_of(ns), 'a1', sensor, value, '', *place_m, 60.0, 'test')])
         return path
 
     return write
@@ -49,9 +46,8 @@ def recording(tmp_path):
 def data_in(page):
     text = page.read_text(encoding='utf-8')
     assert len(text) < 5e6
-    return json.loads(
-        re.search('<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)[1]
-    )
+    (data,) = re.findall('<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)
+    return json.loads(data)
 
 
 def shown(path, *options):
@@ -278,10 +274,8 @@ def test_more_sensors_than_a_person_can_look_at_are_refused_with_the_choice(repo
     values = {f's{number}': float(number) for number in range(MOST_SENSORS + 1)}
     path = report(visit('1', **values), visit('5', co2=1.0))
     assert readings_page.main([str(path)]) == 2
-    error = (
-        f'readings_page: {MOST_SENSORS + 2} sensors are too many to look at: choose up to {MOST_SENSORS} with'
-    )
-    assert capsys.readouterr().err.startswith(f'{error} --sensor, from co2, s0, s1, ')
+    error = f'{MOST_SENSORS + 2} sensors are too many to look at: choose up to {MOST_SENSORS} with --sensor'
+    assert capsys.readouterr().err.startswith(f'readings_page: {error}, from co2, s0, s1, ')
     data = shown(path, '--sensor', 's3', '--sensor', 's1')
     assert [each['name'] for each in data['sensors']] == ['s1', 's3']
     assert data['counts'][0][0].startswith('2 of ')  # a tag without the chosen sensors was read, too
