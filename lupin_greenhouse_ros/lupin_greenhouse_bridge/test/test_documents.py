@@ -150,8 +150,9 @@ def test_every_topic_has_this_qos(run_nodes, tmp_path):
                 found.append([node.get_name(), end.topic_name, direction, *policies, str(qos.depth)])
     own = [row for row in found if row[1] not in ('/parameter_events', '/rosout')]
     described = [
-        [node, topic, *qos]
-        for node_names, topics, *qos in table('QoS of the topics', 6)
+        [node, topic, direction, reliability, durability, depth]
+        for node_names, topics, direction, reliability, durabilities, depth in table('QoS of the topics', 6)
+        for durability in durabilities.split(' and ')
         for node in re.findall(r'\w+', node_names)
         for topic in re.findall(r'[/\w]+', topics)
     ]
