@@ -13,7 +13,6 @@ import pytest
 import rclpy
 from conftest import ROOT, run
 from lupin_greenhouse_bridge.recording.rows import HEADER
-from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 EXECUTABLES = sorted(
@@ -87,8 +86,6 @@ def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp('inputs')
     row = '1,1970-01-01T00:00:00.000000001Z,1,co2,600.0,ppm,1.6,1.3,43200.0,test'
     (folder / 'readings.csv').write_text(f'{HEADER}\n{row}\n', encoding='utf-8')
-    pairs = {tag_id: (tag.x, tag.y) for tag_id, tag in find_layout('').tags.items()}
-    (folder / 'pairs.json').write_text(json.dumps(pairs), encoding='utf-8')
     tags = {'tags': {'1': {'x': 1.0, 'y': 0.0, 'sensors': ['co2']}}, 'tables': {}}
     (folder / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     return folder
@@ -96,7 +93,6 @@ def inputs(tmp_path_factory):
 
 WORK = {
     'bridge_node': ('--help', ''),
-    'register_layout': ('--pairs {}/pairs.json -o layout.yaml', 'layout.yaml'),
     'readings_page': ('{}/readings.csv -o page.html', 'page.html'),
     'inspection': ('--output mission tag_sequence:=1', 'mission'),
 }
@@ -105,7 +101,6 @@ WORK = {
 # A closed output is None in Python; a pipe that nobody reads is written to like a file.
 CASES = [
     ('bridge_node', '>/dev/full'),
-    ('register_layout', '>/dev/full'),
     ('readings_page', '>/dev/full'),
     ('readings_page', '>&-'),
     ('readings_page', '>&3'),
