@@ -4,7 +4,6 @@ import threading
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from conftest import HeldService
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
@@ -12,33 +11,18 @@ from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, greet
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
 
-GREETING, MINE = GetTagReading.Request(), GetTagReading.Request(tag_id='mine')
+MINE = GetTagReading.Request(tag_id='mine')
+# The thread of `robot` spins the node.
+PAUSE = SimpleNamespace(spin_once=lambda timeout_sec: threading.Event().wait(min(timeout_sec, 0.01)))
 
 
 @pytest.fixture
-def caller():
-    """Return an executor that only the test spins, and its node."""
-    context = Context()
-    rclpy.init(args=[], context=context)
-    node = rclpy.create_node('caller', context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    yield executor, node
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-
-
-def connected(executor, node):
+def found(robot):
     """Return a client of the service, which the service has found."""
-    found = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, HeldService.name)
-    greeting = threading.Thread(target=greet, args=(found, GREETING))
-    greeting.start()
-    while greeting.is_alive():
-        executor.spin_once(timeout_sec=0.01)
+    found = Client(PAUSE, robot, PATIENCE_SECONDS).connect(GetTagReading, HeldService.name)
+    greet(found, GetTagReading.Request())
     return found
 
 
@@ -50,44 +34,38 @@ def times(monkeypatch):
     return times
 
 
-def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(caller, times):
+def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(robot, times):
     times += [100.0, 101.4, 102.0]
     shown = []
     with pytest.raises(NoAnswer, match=r'^no service /nobody within 2 s$'):
-        Client(*caller, 2.0).connect(GetTagReading, '/nobody', shown.append)
+        Client(PAUSE, robot, 2.0).connect(GetTagReading, '/nobody', shown.append)
     assert (shown, times) == (['waiting for /nobody, 1 s more'], [])
 
 
-@pytest.mark.usefixtures('held_service')
-def test_a_call_ends_at_its_timeout_and_is_forgotten(caller, times):
+def test_a_call_ends_at_its_timeout_and_is_forgotten(held_service, found, robot, times):
     spins = []
 
     def spin_once(timeout_sec):
         spins.append((timeout_sec, len(pending_requests(found))))
 
-    times += [100.0] * 1000  # for its connection
-    found = connected(*caller)
-    times[:] = [100.0, 101.9, 102.0]
-    with pytest.raises(NoAnswer, match=f'^{HeldService.name} did not answer within 2 s$'):
-        Client(SimpleNamespace(spin_once=spin_once), caller[1], 2.0).call(found, MINE)
+    times += [100.0, 101.9, 102.0]
+    with pytest.raises(NoAnswer, match=f'^{held_service.name} did not answer within 2 s$'):
+        Client(SimpleNamespace(spin_once=spin_once), robot, 2.0).call(found, MINE)
     assert spins == [(pytest.approx(0.1), 1)]
     assert not pending_requests(found)
     assert found.qos_profile == SERVICE_QOS  # keeps as many replies to other clients as the bridge sends
 
 
-def test_a_request_whose_reply_is_lost_is_sent_again(held_service, caller, monkeypatch):
+def test_a_request_whose_reply_is_lost_is_sent_again(held_service, found, robot, monkeypatch):
     held_service.reply(1000)
-    found = connected(*caller)
     call_async, asked = found.call_async, []
 
     def lose_the_first(request):
         asked.append(call_async(request))
-        if len(asked) == 1:
-            found.remove_pending_request(asked[0])  # its reply is then ignored
-        return asked[-1]
+        return asked[-1] if len(asked) > 1 else Future()
 
     monkeypatch.setattr(found, 'call_async', lose_the_first)
-    response = Client(*caller, PATIENCE_SECONDS).call(found, MINE)
+    response = Client(PAUSE, robot, PATIENCE_SECONDS).call(found, MINE)
     assert response.reading.tag_id == 'mine'
     assert held_service.requests.count('mine') > 1
     assert len(asked) > 1  # a slow reply may cost one more
