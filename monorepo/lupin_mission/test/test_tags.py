@@ -35,14 +35,9 @@ def tags_of(**parameters) -> Tags:
 
 def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
     longest = '1' * 5000  # digits, more than int() takes
-    models = [
-        MODEL.format(longest, '3 4 0'),
-        MODEL.format(10, '1.5 -2 0.3 0 0 0'),
-        MODEL.format(9, '0.1 7.3 0'),
-        '<model name="table_1"/>',
-    ]
+    places = {longest: '3 4 0', '10': '1.5 -2 0.3 0 0 0', '9': '0.1 7.3 0'}
     path = tmp_path / 'world.sdf'
-    path.write_text(world(*models))
+    path.write_text(world(*(MODEL.format(*each) for each in places.items()), '<model name="table_1"/>'))
     tags = tags_of(world_file=str(path))
     assert tags.ids == ['9', '10', longest]
     assert tags.positions_m == {'9': (0.1, 7.3), '10': (1.5, -2.0), longest: (3.0, 4.0)}
