@@ -157,7 +157,6 @@ def test_a_command_in_the_environment_runs_where_the_person_stands(tmp_path):
 
 MATRIX = [
     ({'PYTHONS': '3.9'}, 'matrix: PYTHONS=3.9: write versions such as 3.12, 3.10 or newer\n'),
-    ({'PYTHONS': '3.12x'}, 'matrix: PYTHONS=3.12x: write versions such as 3.12, 3.10 or newer\n'),
     ({'PYTHONS': '3.99'}, 'matrix: no Python 3.99 here\n'),
     ({'DISTROS': 'humble'}, 'matrix: DISTROS=humble: write kilted or jazzy\n'),
     ({'SIMULATORS': '2.0'}, 'matrix: SIMULATORS=2.0: write 1.0.7 or 1.0.8\n'),

@@ -111,12 +111,8 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
         ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'),
         # beside the header
         (f'{BRIDGE}/units.py', '"""The units', '"""All units'),
-        (f'{PACKAGE}/setup.py', 'from setuptools', 'import os\nfrom setuptools'),
         (f'{PACKAGE}/package.xml', '<package format', '<!-- x -->\n<package format'),
         (f'{PACKAGE}/CHANGELOG.rst', 'Changelog for package', 'Changes of package'),
-        (f'{PACKAGE}/doc/clients.md', '# Calling', '# How to call'),
-        ('lupin_greenhouse_msgs/srv/GetTagReading.srv', '# What is the climate', '# What is the weather'),
-        (f'{BRIDGE}/display/readings_page.html', '<html lang="en">', '<html lang="nl">'),
         (more, '', f'# {generate.HEADER}\n"""More of lupin_greenhouse_msgs."""\n'),
     ]
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
