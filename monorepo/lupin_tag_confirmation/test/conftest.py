@@ -90,12 +90,8 @@ class Perception:
         """Call the service, and show an image repeatedly until the reply arrives."""
         future, replied = self.ask(tag_id), threading.Event()
         future.add_done_callback(lambda _future: replied.set())
-        for _ in range(int(20 * PATIENCE_SECONDS)):
-            if image is not None:
-                self.show(image, is_stamped)
-            if replied.wait(0.05):  # the rate of a camera
-                break
-        assert replied.is_set(), 'no reply'
+        # At the rate of a camera.
+        self._wait_until(lambda: (image and self.show(image, is_stamped)) or replied.wait(0.05))
         response = future.result()
         assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
         assert response.tag_pose_in_map == Pose(orientation=Quaternion(w=0.0))  # never populated
