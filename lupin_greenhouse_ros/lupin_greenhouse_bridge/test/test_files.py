@@ -94,7 +94,7 @@ BAD_CONFIGS = [
     ({'visualization/greenhouse_height_m': 0}, 'visualization: greenhouse_height_m is 0'),
     ({'visualization/colorbar_ranges': []}, 'colorbar_ranges is a list: must be a mapping, such as {co2'),
     ({'visualization/colorbar_ranges/co2': 5}, 'co2 is 5: must be a mapping, such as {min: '),
-    ({'visualization/colorbar_ranges/co2/max': -1}, "colorbar_ranges: 'co2': max is -1: must be a number f"),
+    ({'visualization/colorbar_ranges/co2/max': -1}, "'co2': max is -1: must be a number from 300"),
     ({'visualization/colorbar_ranges/co2/min': math.inf}, 'min is inf'),
     ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
     ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
