@@ -85,18 +85,13 @@ def test_what_cannot_be_is_refused(parameters, reason):
 
 def test_the_limits_of_the_approach_poses_are_those_of_the_parameters():
     """A preferred standoff beyond the usual ones is allowed too."""
-    limits = {
-        'robot_radius_m': 0.3,
-        'clearance_m': 0.01,
-        'arrival_tolerance_m': 0.02,
-        'arrival_tolerance_rad': 0.03,
-        'camera_offset_m': 0.04,
-    }
-    parameters = {('approach_' if name == 'clearance_m' else '') + name: limits[name] for name in limits}
+    names = ('robot_radius_m', 'arrival_tolerance_m', 'arrival_tolerance_rad', 'camera_offset_m')
+    limits = {name: number / 100 for number, name in enumerate(names, 1)}
     for standoff_m, extreme in ((0.28, 'smallest'), (1.3, 'largest')):
-        limits |= {'preferred_standoff_m': standoff_m}
-        expected = ViewingLimits(**limits, **{f'{extreme}_standoff_m': standoff_m})
-        assert Settings(approach_standoff_m=standoff_m, **parameters).viewing_limits == expected
+        standoffs = {'preferred_standoff_m': standoff_m, f'{extreme}_standoff_m': standoff_m}
+        expected = ViewingLimits(**limits, **standoffs, clearance_m=0.3)
+        settings = Settings(**limits, approach_standoff_m=standoff_m, approach_clearance_m=0.3)
+        assert settings.viewing_limits == expected
 
 
 def test_the_parameter_file_has_every_parameter_and_its_default():
