@@ -306,7 +306,7 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     path.write_text(visit(0, '5', ['temperature']) + '\n', encoding='utf-8')
     page = open_page(path)
     assert page.evaluate("document.getElementById('extremes').textContent") == 'ringed: 20.0 °C at tag 5'
-    assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0\u00a0°C'
+    assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0 °C'
     assert ' to ' not in page.evaluate(HEAD)
     assert page.evaluate(SCALE) == ['19.6', '19.8', '20.0', '20.2', '20.4']
     # A sensor without a range in the config, and a value beside which 0.5 is nothing.
@@ -396,7 +396,7 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
 
 
 @pytest.mark.parametrize(
-    ('walls', 'height', 'wanted'), [((4, 8), 720, 316), ((4, 8), 1080, 445), ((20, 8), 720, 1150)]
+    ('walls', 'height', 'wanted'), [((4, 8), 720, 291), ((4, 8), 1080, 445), ((20, 8), 720, 1150)]
 )
 def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, height, wanted):
     """Of a mission with a route and attempts. Each tag has a label, and none touches another tag."""
@@ -463,9 +463,9 @@ def test_a_phone_shows_the_map_first_and_cuts_no_text(report, open_page, width):
 
 
 @pytest.mark.parametrize(
-    ('count', 'columns'), [(100, [1]), (100_000, [1] * 5), (100, [3, 3, 3, 2, 2])], ids=str
+    ('count', 'columns'), [(100, [1]), (100_000, [1] * 5), (100, [3] * 5)], ids=str
 )
-def test_charts_fill_the_width_in_rows_and_a_moment_is_at_the_same_place_in_those_of_a_width(
+def test_charts_are_equally_wide_and_a_moment_is_at_the_same_place_in_all(
     tmp_path, open_page, count, columns
 ):
     path, tags, sensors = tmp_path / 'day.sqlite', list(find_layout('').tags), len(columns)
@@ -478,8 +478,7 @@ def test_charts_fill_the_width_in_rows_and_a_moment_is_at_the_same_place_in_thos
     page = open_page(path, width=1280)
     shares = page.evaluate(CHART_SHARES)
     assert all(0.95 < share * of_row <= 1 for share, of_row in zip(shares, columns, strict=True))
-    ticks = zip(columns, map(tuple, page.evaluate(TICKS)), strict=True)
-    assert len(set(ticks)) == len(set(columns))
+    assert len(set(map(tuple, page.evaluate(TICKS)))) == 1
     assert page.evaluate(BOXES)['#charts']['width'] >= 448
     assert page.evaluate(COVERED_IN_CHARTS) == page.evaluate(WITHOUT_LABEL) == []
     assert page.evaluate("document.getElementById('tabs').offsetHeight > 0") == (sensors > 1)

@@ -12,6 +12,7 @@ const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the t
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
+const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot
@@ -25,10 +26,7 @@ const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
 const PAPER_MAP = [440, 740];  // in print, as the next one
-const paper_chart = (n, count) => {
-  const columns = is_long ? 1 : n < count - count % 3 ? 3 : count % 3;
-  return [704 / columns - 12, is_long ? 190 : 155];
-};
+const paper_chart = count => [704 / (is_long ? 1 : Math.min(count, 3)) - 12, is_long ? 190 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
@@ -207,7 +205,9 @@ function label_dot(group, x, y, radius, width, boxes, name, text) {
     boxes.taken.push(box, ...leader);
     const [left, top, right, bottom] = box;
     boxes.route.push([left - SPACE, top + 4, right + SPACE, bottom - 4]);  // no other label, if it can
-    if (has_leader) draw_leader(group, x, y, clamp(x, left, right), clamp(y, top, bottom));
+    const dx = clamp(x, left, right) - x, dy = clamp(y, top, bottom) - y, share = 1 - GAP / Math.hypot(dx, dy);
+    const is_long_enough = share * Math.hypot(dx, dy) - radius >= SHORTEST_LEADER;
+    if (has_leader && is_long_enough) draw_leader(group, x, y, x + share * dx, y + share * dy);
   }
   return write_in(group, box, is_spare ? `${name} spare` : name, text);
 }
@@ -259,7 +259,7 @@ function draw_map() {
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   const [left, , right] = frame.room, bar = document.querySelector('#bar .colours').style;
-  Object.assign(bar, { marginLeft: `${left / 16}rem`, width: `${(right - left) / 16}rem` });
+  Object.assign(bar, { marginLeft: `${left / 16}rem`, width: `${0.6 * (right - left) / 16}rem` });
   draw_axes(svg, frame);
   draw_ground(svg, frame);
   draw_route(svg, frame);
@@ -359,7 +359,7 @@ function pick(number) {
     tab.tabIndex = n === state.sensor ? 0 : -1;
   });
   element('shown').textContent = sensor.label;
-  write_pieces(element('extremes'), sensor.extremes.map(([text], n) => n ? text : `ringed: ${text}`));
+  element('extremes').textContent = `ringed: ${sensor.extremes.map(([text]) => text).join(', ')}`;
   draw_map();
 }
 
@@ -385,7 +385,7 @@ const columns = [
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   }],
   ...data.is_of_several_times
-    ? [{ name: 'greenhouse', is_aside: true, unit: 'time of day', key: tag => tag.time_of_day, text: day_time }] : [],
+    ? [{ name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'in the greenhouse', key: tag => tag.time_of_day, text: day_time }] : [],
   ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
     ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
 ];
@@ -408,8 +408,8 @@ function write_table() {
     for (const arrow of '↑↓') mark(choice, 'option', {}, `${column.name} ${arrow}`).sort = () => sort(arrow === '↓');
   }
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
-  if (failure_words.length) document.querySelector('#sort span').textContent = 'not read first, then by';
-  if (asides.length === 1) element('aside').textContent = `at the right: ${asides[0].name} ${asides[0].unit ?? ''}`;
+  element('aside').hidden = asides.length !== 1;
+  if (asides.length === 1) element('aside').lastChild.textContent = `${asides[0].name} ${asides[0].unit ?? ''}`;
   table.classList.toggle('timed', asides.length === 1 && !is_over_days);  // a phone shows it on the first line
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
@@ -497,8 +497,8 @@ function draw_charts() {
     return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
   // After all figures are there, which changes their sizes. Their times are below each other.
-  const charts = figures.map(([sensor, place, readout], n) => {
-    const size = state.is_printed ? paper_chart(n, figures.length)
+  const charts = figures.map(([sensor, place, readout]) => {
+    const size = state.is_printed ? paper_chart(figures.length)
       : size_of(place).map(each => Math.max(Math.floor(each), 120));
     return { sensor, place, readout, size, values: value_axis(sensor), labels: column_of(sensor, size[1]) };
   });
@@ -559,7 +559,7 @@ function draw_line(svg, tag, points, is_bold) {
     mark(group, 'path', { class: 'band', d: path_of(band) });
   }
   for (const run of runs) mark(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
-  if (points.length < 30) points.forEach(p => mark(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
+  if (points.length < 30) points.forEach(p => mark(group, 'circle', { cx: p.x, cy: p.y, r: 3 }));
   return group;
 }
 
@@ -601,7 +601,7 @@ function spread(places, apart, low, high) {
 
 // Labels the end of each line at the right, and each point of a tag that has only one beside it.
 function label_lines(lines, room, { count, widest, low, high }, column) {
-  const route = [], taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
+  const route = [], taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 6, 6)));
   const ends = lines.filter(line => line.points.length > 1).map(line => ({ ...line, ...line.points.at(-1) }))
     .sort((one, other) => one.y - other.y);
   const is_spare = ends.length > MOST_LABELLED;
