@@ -94,7 +94,7 @@ def fingerprint_of_data(greenhouse: Greenhouse, options: argparse.Namespace) -> 
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
-    """Return the figure of a day at one tag: each sensor without noise, and 90 % of its readings."""
+    """Return the figure of a day at one tag: each sensor without noise, and 9 of 10 readings."""
     tag = greenhouse.layout.tags[tag_id]
     hours = np.linspace(0.0, 24.0, 97)
     rows = len(tag.sensors)
@@ -106,10 +106,11 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         values = np.array([greenhouse.value(name, tag[:2], hour) for hour in hours])
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
-        more = ' has no noise' if (low == high).all() else ''
+        note = 'no noise' if (low == high).all() else ''
         is_skewed = (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any()
-        more += ': the highest of several noisy\nvalues, so the band lies higher' if is_skewed else ''
-        axes.set_title(f'{label_of(name)}{more}', loc='left')
+        note = 'the highest of several noisy\nvalues, so the band lies higher' if is_skewed else note
+        axes.set_title(label_of(name), loc='left')
+        axes.set_title(note, loc='right', fontsize='small', color='0.4')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
             when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'
@@ -125,7 +126,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
     title = f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured'
     figure.suptitle(title, weight='bold')
-    names = 'without noise', '90 % of the readings'
+    names = 'without noise', '9 of 10 readings'
     figure.legend([line, band], names, loc='outside lower center', ncols=2, frameon=False)
     return figure
 

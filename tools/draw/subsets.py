@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from lupin_greenhouse_bridge import units
-from lupin_greenhouse_bridge.display import colours, drawings, placing
+from lupin_greenhouse_bridge.display import drawings, placing
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -30,14 +30,15 @@ SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
-# By the paper: the other end of the field's shades, the line of sight, and the tables without such a shade.
+# By the paper: the other end of the field's shades, and the tables without such a shade.
 FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
-SIGHT = {'white': colours.ROUTE, '#0d1117': '#8ec5ff'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 LINES = 3  # of equal values, at most about
+SHORTEST_LINE_M = 0.3
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
+TITLE_PAD, LINE_POINTS = 6.0, 14.0  # above the axes, and from one line to the next
 TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
 
 
@@ -65,10 +66,11 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), size, taken)
-    write_key(figure, greenhouse, 3)
+    write_key(axes, greenhouse, 3, borderaxespad=3.6)  # below the label of the x axis
     title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
-    figure.suptitle(title, weight='bold')
-    axes.set_title(shades_of(axes, options))
+    axes.set_title(title, weight='bold', pad=TITLE_PAD + LINE_POINTS)
+    above = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center'}
+    axes.annotate(shades_of(axes, options), (0.5, 1.0), (0.0, TITLE_PAD), **above)
     return figure
 
 
@@ -90,7 +92,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, taken)
-    write_key(figure, greenhouse, 2)
+    write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
     axes.set_title(f'Each tag has the colours of its sensors.\n{shades_of(axes, options)}')
     return figure
@@ -120,10 +122,11 @@ def draw_reading(
     if tag_id not in found.poses:
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
-    drawings.draw_robot(axes, pose, radius_m, {'facecolor': f'{colours.ROUTE}88', 'edgecolor': 'white'})
+    ink, paper = pyplot.rcParams['text.color'], pyplot.rcParams['axes.facecolor']
+    drawings.draw_robot(axes, pose, radius_m, {'facecolor': f'{ink}88', 'edgecolor': 'white'}, ink)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
-    ray = {'color': SIGHT[pyplot.rcParams['axes.facecolor']], 'linestyle': (0, (2, 0.6)), 'linewidth': 3.5}
+    ray = {'color': ink, 'linestyle': (0, (2, 0.6)), 'linewidth': 3.5}
     axes.plot(*zip(*sight, strict=True), **ray, zorder=1.9)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
@@ -139,9 +142,9 @@ def draw_reading(
     around = placing.Box(*pose[:2], robot.width + step_m, robot.height + step_m)  # room for the tail
     labels = [(around, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
     place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, bounds)
-    frame = {'boxstyle': 'round,pad=0.3', 'facecolor': colours.ROUTE, 'edgecolor': 'none'}
-    style = {'color': 'white', 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
-    tail = {'arrowstyle': 'wedge,tail_width=1.2', 'color': colours.ROUTE, 'linewidth': 0, 'shrinkB': 0}
+    frame = {'boxstyle': 'round,pad=0.3', 'facecolor': ink, 'edgecolor': 'none'}
+    style = {'color': paper, 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
+    tail = {'arrowstyle': 'wedge,tail_width=1.2', 'color': ink, 'linewidth': 0, 'shrinkB': 0}
     share = radius_m / math.dist(pose[:2], place)
     edge = [at + share * (to - at) for at, to in zip(pose[:2], place, strict=True)]
     axes.annotate('\n'.join(lines), edge, place, arrowprops=tail, **style)
@@ -168,7 +171,10 @@ def draw_field(
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END[paper]])
     extent = (*part[::2], *part[1::2])
     axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
-    lines = axes.contour(xs, ys, field, LINES, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
+    lines = axes.contour(xs, ys, field, LINES, colors='none')
+    for path in itertools.chain(*lines.allsegs):
+        if placing.length_m(path.tolist()) >= SHORTEST_LINE_M:
+            axes.plot(*path.T, color=ink, linewidth=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
@@ -220,7 +226,7 @@ def draw_tags(
     for tag_id in sorted(tag_ids, key=lambda each: greenhouse.layout.tags[each].y):
         (x, y, _), subset = greenhouse.layout.tags[tag_id], greenhouse.subset_of[tag_id]
         for number, letter in enumerate(subset):
-            ends = (90 + 360 * (number + after) / len(subset) for after in (0, 1))
+            ends = (-90 - 360 * (number + after) / len(subset) for after in (1, 0))  # clockwise
             style = {'facecolor': colours[letter], 'edgecolor': ink, 'linewidth': points / 8, 'zorder': 5}
             axes.add_patch(Wedge((x, y), size.height_m / 2, *ends, **style))
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
@@ -234,7 +240,7 @@ def view_of(axes: Any) -> placing.Box:
     return placing.box_of(Walls(x0, y0, x1, y1))
 
 
-def write_key(figure: Figure, greenhouse: Greenhouse, columns: int) -> None:
+def write_key(owner: Any, greenhouse: Greenhouse, columns: int, **place: Any) -> None:
     """Write below the colour, the letter and the name of each sensor."""
     size, edge = 1.2 * pyplot.rcParams['font.size'], {'markeredgecolor': pyplot.rcParams['text.color']}
     marks = [
@@ -244,5 +250,5 @@ def write_key(figure: Figure, greenhouse: Greenhouse, columns: int) -> None:
         )
     ]
     marks.append(('table', drawings.point_style('s', TABLE[pyplot.rcParams['axes.facecolor']], size, **edge)))
-    place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
-    drawings.write_key(figure, marks, columns, columnspacing=1.0, handlelength=1.5, **place)
+    style = {'columnspacing': 1.0, 'handlelength': 1.5, 'handletextpad': 0.2}
+    drawings.write_key(owner, marks, columns, **style, **place)

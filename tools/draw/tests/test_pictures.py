@@ -97,8 +97,8 @@ def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
         component |= {'value_at_midnight': 0.4, 'value_at_noon': 0.4}
     (tmp_path / 'config.json').write_text(json.dumps(config), encoding='utf-8')
     drawing = figures_of(tmp_path, '--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day']
-    titles = [axes.get_title(loc='left') for axes in drawing.axes]
-    assert titles == ['temperature (°C) has no noise', 'CO₂ (ppm)', 'soil moisture (m³/m³)']
+    titles = [axes.get_title(loc=side) for side in ('left', 'right') for axes in drawing.axes]
+    assert titles == ['temperature (°C)', 'CO₂ (ppm)', 'soil moisture (m³/m³)', 'no noise', '', '']
     values = [[text.get_text() for text in axes.texts] for axes in drawing.axes]
     assert [text.split(' ', 1)[1] for text in values[0]] == ['at 00:00', 'at 12:00']
     assert values[1:] == [['400 at 12:00', '900 at 00:00'], ['0.400 at any time']]
@@ -111,9 +111,8 @@ def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims(drawn
     readings = [greenhouse.value('co2', place, 12.0, is_noisy=True) for _ in range(4000)]
     limits = greenhouse.quantiles('co2', place, 12.0, shares)
     assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
-    titles = [axes.get_title(loc='left') for axes in drawn['day'].axes]
-    told = 'CO₂ (ppm): the highest of several noisy\nvalues, so the band lies higher'
-    assert [title for title in titles if 'highest' in title] == [told]
+    notes = [axes.get_title(loc='right') for axes in drawn['day'].axes]
+    assert notes == ['no noise', 'the highest of several noisy\nvalues, so the band lies higher', '']
     without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
     assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 

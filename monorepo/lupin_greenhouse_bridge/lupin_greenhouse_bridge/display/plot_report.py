@@ -26,7 +26,6 @@ MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
 DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)  # scaled by scale_of()
 POINTS = 9.0  # of the labels and the key
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
-NOT_READ = point_style('o', colours.FAILED, 5, markerfacecolor='none', label='not read, without this sensor')
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 MOST_NAMED = 30  # tags in a line of failures
@@ -131,9 +130,8 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], A
 def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
-    more = [f'the robot drove {length_m(route):.1f} m'] if route else []
-    more += [f'not read: {names_text("tag", list(failed), summary.MOST_EXTREME)}'] if failed else []
-    _write_title(axes, 'route' if route else 'tags read or not', '\n'.join(more))
+    more = f'the robot drove {length_m(route):.1f} m' if route else ''
+    _write_title(axes, 'route' if route else 'tags read or not', more)
     _draw_dots(axes, [tag_id for tag_id in tags if tag_id in shown.readings], shown, READ)
     others = [tag_id for tag_id in tags if tag_id not in shown.readings and tag_id not in failed]
     _draw_dots(axes, others, shown, UNKNOWN)
@@ -155,9 +153,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
     taken = [*dots.values(), *way]
     taken += _write_labels(axes, labels, [*taken, *tables], shown, weight='bold')
-    ids = [(tag_id, dot, '0.35') for tag_id, dot in dots.items() if tag_id not in failed]
+    downwards = sorted(dots.items(), key=lambda each: -each[1].y)
+    ids = [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
     _write_labels(axes, ids, taken, shown)
-    _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags], 60)
+    _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags])
 
 
 def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float]) -> None:
@@ -166,14 +165,11 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
 
     tags, (low, high) = shown.layout.tags, limits
     failed = [tag_id for tag_id in shown.failed if tag_id in tags]
-    crossed = [tag_id for tag_id in failed if sensor in tags[tag_id].sensors]
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
     _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in {*values, *failed}], shown, UNKNOWN)
-    if strangers := [tag_id for tag_id in failed if tag_id not in crossed]:
-        _draw_dots(axes, strangers, shown, NOT_READ)
     if ringed:
         _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
@@ -188,7 +184,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
     drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
-    _draw_crosses(axes, shown, crossed, 30)
+    _draw_crosses(axes, shown, failed)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
@@ -215,16 +211,15 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
     axes.plot([x for x, _ in places], [y for _, y in places], **style, zorder=2)
 
 
-def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str], size: float) -> None:
+def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
     places = [shown.layout.tags[tag_id][:2] for tag_id in tag_ids]
-    style = {'marker': 'x', 's': size, 'color': colours.FAILED, 'zorder': 5}
+    style = {'marker': 'x', 's': 36, 'color': colours.FAILED, 'zorder': 5}
     axes.scatter([x for x, _ in places], [y for _, y in places], **style)
 
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return the lowest artist."""
     marks: list[tuple[str, Style]] = [
-        ('wall', {'color': 'black', 'linewidth': 0.9}),
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([(RINGS, EXTREME)] if RINGS in drawn else []),
@@ -235,8 +230,6 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     if words := set(shown.failed.values()):
         word = f': {min(words)}' if len(words) == 1 else ''
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
-    if NOT_READ['label'] in drawn:
-        marks.append((NOT_READ['label'], NOT_READ))
     if shown.route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
     if empty_cell:
@@ -270,13 +263,14 @@ def _write_texts(
     lines = _lines_of(headline, width, {'fontsize': 15, 'fontweight': 'bold'})
     lines += _lines_of([(title, 'black')], width, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
-        text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
-        parts = textwrap.wrap(text, int(width / 11))
-        lines += [line for part in parts for line in _lines_of([(part, '0.35')], width, {'fontsize': 11})]
+        told = f'{word}:' if reason else word
+        text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
+        for part in textwrap.wrap(text, int(width / 11)):
+            pieces = zip(part.partition(told), ('black', colours.FAILED, 'black'), strict=True)
+            coloured = [(piece.strip(), colour) for piece, colour in pieces if piece]
+            lines += _lines_of(coloured, width, {'fontsize': 11}, dot='')
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
-    lines += _lines_of(
-        [(summary.greenhouse_times(between), 'black'), (when, 'black')], width, {'fontsize': 11}
-    )
+    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 11})
     above = 12 / 72 / figure.get_figheight()
     _write_lines(figure, lines, (0.0, 1.0 + above), figure.transFigure, (0, 0))
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
@@ -293,7 +287,7 @@ def _write_lines(figure: Any, lines: list[Any], place: Point, of: Any, corner: t
     figure.add_artist(AnnotationBbox(VPacker(children=lines, align='left', pad=0, sep=4), place, **at))
 
 
-def _lines_of(parts: list[tuple[str, str]], width: float, style: Style) -> list[Any]:
+def _lines_of(parts: list[tuple[str, str]], width: float, style: Style, dot: str = '·') -> list[Any]:
     """Return texts, each given with its colour, with dots between them in lines of this width."""
     from matplotlib.offsetbox import HPacker, TextArea
 
@@ -301,7 +295,7 @@ def _lines_of(parts: list[tuple[str, str]], width: float, style: Style) -> list[
     for part in parts[1:]:
         if sum(len(text) + 3 for text, _ in [*lines[-1], part]) > most:
             lines.append([])
-        lines[-1] += [('·', parts[0][1])] * bool(lines[-1]) + [part]
+        lines[-1] += [(dot, parts[0][1])] * bool(dot and lines[-1]) + [part]
     packed = []
     for line in lines:
         texts: list[Any] = [TextArea(text, textprops={'color': colour, **style}) for text, colour in line]

@@ -12,7 +12,7 @@ STOPS = (  # of this map
     *('#440154', '#482475', '#414487', '#355f8d', '#2a788e', '#21918c', '#22a884', '#44bf70', '#7ad151'),
     *('#bddf26', '#fde725'),
 )
-ROUTE, FAILED, SIGHT = '#3d6fa8', '#b3261e', '0.4'
+ROUTE, FAILED = '#3d6fa8', '#b3261e'
 TAG_ID = '0.35'
 OBSTACLE, UNKNOWN_PART = '#e69f00', '0.7'  # in the map of the room
 TABLE = '#e3e6ea'  # without an edge, which would cross the labels

@@ -54,8 +54,9 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
-# In the key, as the next one.
+# In the key, as the next two.
 ROBOT = point_style('$❼▸$', colours.ROUTE, 17, markeredgewidth=0)
+FURTHER = point_style(r'$▸\,\mathbf{7}$', colours.ROUTE, 14, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 
 
@@ -82,7 +83,7 @@ class LabelSize(NamedTuple):
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number at a robot's centre
-SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}30', 'linewidth': 0}
+SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}14', 'linewidth': 0}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
 
@@ -206,12 +207,14 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box] = ()) -> 
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
-def draw_robot(axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH) -> None:
+def draw_robot(
+    axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH, colour: str = colours.ROUTE
+) -> None:
     """Draw the disc of the robot to scale, and over every disc and line of sight a nose at its heading."""
     from matplotlib.patches import Circle, RegularPolygon
 
     middle, size, turned = ahead_of(pose, NOSE * radius_m), NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
-    nose: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
+    nose: Style = {'facecolor': colour, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
     axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **nose))
     axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
 
@@ -247,7 +250,7 @@ def draw_route(
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     sights = {tag_id: (pose[:2], layout.tags[tag_id][:2]) for tag_id, pose in poses.items()}
-    sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
+    sight: Style = {'color': colours.ROUTE, 'linestyle': DASHED}
     for line in sights.values():
         axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.9)
     for pose in poses.values():
@@ -264,8 +267,8 @@ def draw_route(
     stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
     has_room = math.hypot(*digits) < robot_m
-    if has_room:
-        taken += _write_numbers(axes, stops, robot_radius_m, digits)
+    further = _write_numbers(axes, stops, robot_radius_m, digits) if has_room else []
+    taken += further
     ends = [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
@@ -274,6 +277,7 @@ def draw_route(
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
+        **({'further stop, too near another one for a disc': FURTHER} if further else {}),
         'from a stop to the tag that it reads': sight,
         'tag and its id': TAG_AND_ID,
     }
