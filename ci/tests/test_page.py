@@ -462,9 +462,7 @@ def test_a_phone_shows_the_map_first_and_cuts_no_text(report, open_page, width):
     assert page.evaluate('document.documentElement.scrollWidth') == width
 
 
-@pytest.mark.parametrize(
-    ('count', 'columns'), [(100, [1]), (100_000, [1] * 5), (100, [3] * 5)], ids=str
-)
+@pytest.mark.parametrize(('count', 'columns'), [(100, [1]), (100_000, [1] * 5), (100, [3] * 5)], ids=str)
 def test_charts_are_equally_wide_and_a_moment_is_at_the_same_place_in_all(
     tmp_path, open_page, count, columns
 ):
