@@ -82,7 +82,7 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     texts = texts_of(figures['greenhouse_light'])
     assert {'a1 CL', 'b2 C', 'Shades: temperature at 06:00, darker = warmer'} <= set(texts)
     assert any(text.endswith(' °C') for text in texts)
-    (key,) = figures['greenhouse_light'].legends
+    key = figures['greenhouse_light'].axes[0].get_legend()
     names = [each.get_text() for each in key.get_texts()]
     assert names == ['T temperature', 'H humidity', 'C CO₂', 'L light', 'S soil moisture', 'table']
     assert [line.get_color() for line in key.get_lines()][:-1] == list(subsets.SENSOR_COLOURS)

@@ -384,8 +384,10 @@ const columns = [
     key: tag => tag.stamp_ms,
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   }],
-  ...data.is_of_several_times
-    ? [{ name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'in the greenhouse', key: tag => tag.time_of_day, text: day_time }] : [],
+  ...data.is_of_several_times ? [{
+    name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'in the greenhouse', key: tag => tag.time_of_day,
+    text: day_time,
+  }] : [],
   ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
     ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
 ];
