@@ -69,7 +69,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     write_key(axes, greenhouse, 3, borderaxespad=3.6)  # below the label of the x axis
     title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
     axes.set_title(title, weight='bold', pad=TITLE_PAD + LINE_POINTS)
-    above = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center'}
+    above: drawings.Style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center'}
     axes.annotate(shades_of(axes, options), (0.5, 1.0), (0.0, TITLE_PAD), **above)
     return figure
 

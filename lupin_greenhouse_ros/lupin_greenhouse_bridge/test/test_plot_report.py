@@ -169,7 +169,7 @@ def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layou
 def test_a_text_with_dollars_is_no_formula(drawn):
     figure = drawn(visit('1', co2=1.0), visit('$\\lost$', 'TIMEOUT', '$\\frac$ of the path'))
     figure.draw_without_rendering()
-    assert r'Tag \$\lost\$ timeout: \$\frac\$ of the path' in texts_in(figure)
+    assert {r'Tag \$\lost\$', r'\$\frac\$ of the path'} <= set(texts_in(figure))
 
 
 def rows_at(times_of_day):

@@ -242,7 +242,7 @@ def draw_route(
     poses, robot_radius_m = approaches.poses, approaches.free_space.robot_radius_m
     width_m, height_m, scale = scale_of(layout, walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.85), layout='constrained')
+    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.95), layout='constrained')
     axes = figure.add_subplot()
     if occupancy is not None:
         _draw_map(axes, occupancy)
