@@ -1,7 +1,6 @@
 """A whole inspection, in simulation and with a camera: the report and the picture that it writes."""
 
 import importlib.util
-import itertools
 import json
 import math
 import os
@@ -205,11 +204,12 @@ def test_the_help_names_each_parameter_that_a_run_takes(capsys):
     assert 'report_file' not in names
 
 
-@pytest.mark.parametrize(('first', 'last'), itertools.permutations(['bridge_node', 'mission_orchestrator']))
+@pytest.mark.parametrize('first', ['bridge_node', 'mission_orchestrator'])
 def test_the_first_node_that_ends_ends_the_run_and_is_named_unless_it_is_the_mission(
-    tmp_path, capfd, stand_in, first, last
+    tmp_path, capfd, stand_in, first
 ):
     """No file is left of a mission that has not begun."""
+    (last,) = {'bridge_node', 'mission_orchestrator'} - {first}
     process_id = tmp_path / 'process_id'
     stand_in(last, script=f'echo $$ >{process_id}; exec sleep 600')
     stand_in(first, script=f'until [ -s {process_id} ]; do sleep 0.05; done; exit 1')
