@@ -144,7 +144,6 @@ def test_overrides_take_effect_and_those_of_no_tag_of_the_layout_are_refused(pos
         (['--ros-args', '-p', 'radius:=0.3'], '-p radius:=0.3 sets nothing here: write --radius 0.3 before'),
         (['--publish', '--ros-args', '-r', '__ns:=a'], "namespace 'a' must begin with /: write -r __ns:=/a"),
         ([*WALLS, '--radius', '1.99'], 'clearance 0.01 m does not fit between the walls, which are 4 m'),
-        (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
         (['--smallest-standoff', '0.6'], 'the standoffs are 0.6, 0.5 and 1 m'),
         (['--standoff', '2'], 'the standoffs are 0.3, 2 and 1 m: must be above 0, and the smallest'),

@@ -232,17 +232,6 @@ def test_a_file_that_something_else_replaces_stays_unchanged_and_the_rows_wait(p
     assert read_rows(path) == [row()]
 
 
-def test_without_its_folder_a_file_takes_no_rows_and_goes_on_when_it_is_back(path):
-    store = open_store(str(path))
-    path.parent.rename(f'{path.parent} moved')
-    for _ in range(2):
-        with pytest.raises(StoreError, match='No such file or directory'):
-            store.keep([row()])
-    path.parent.mkdir()
-    assert store.keep([row()]) == 1
-    assert read_rows(path) == [row()]
-
-
 FORMULAS = ['=1+1', '+1', '-1', '@SUM(A1)', '\t=1', '\r=1', "'=1", "'", "'x"]
 
 
@@ -296,7 +285,6 @@ REPORT = (
     'make',
     [
         lambda path: path.write_text('x' * 5000),
-        lambda path: path.write_text(REPORT),
         lambda path: change_database(path, 'CREATE TABLE readings (stamp, value)'),
         os.mkfifo,
         lambda path: path.write_text(f'{HEADER},note\n'),
@@ -366,7 +354,6 @@ NO_UTF_8 = "must be text in UTF-8 (save a spreadsheet as 'CSV UTF-8')"
         ('a.csv', 'stamp_ns', 'noon', f"line 3: stamp_ns of co2 is 'noon': {LATEST}"),
         ('a.csv', 'value', math.nan, 'line 3: value of co2 is nan: must be a finite number'),
         ('a.sqlite', 'stamp_ns', 1e26, f'row 2: stamp_ns of co2 is 1e+26: {LATEST}'),
-        ('a.sqlite', 'value', 'warm', "row 2: value of co2 is 'warm': must be a finite number"),
         ('a.sqlite', 'x_m', 'here', "row 2: x_m of co2 is 'here': must be a finite number"),
         ('a.sqlite', 'tag_id', b'7', f"row 2: tag_id of co2 is b'7': {NO_UTF_8}"),
     ],
@@ -424,15 +411,12 @@ def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_p
     assert capsys.readouterr().err == f'{csv_path}: {told}\n'
 
 
-VISIT = REPORT.partition('\n')[0]
-
-
 @pytest.mark.parametrize(
     ('content', 'reason'),
     [
         (None, 'No such file'),
         ('', 'empty'),
-        ('dear diary\n', 'not a file of readings'),
+        ('dear diary\n', f'not a file of readings, which is SQLite or CSV with the header {HEADER}'),
         (f'{HEADER}\n{HEADER},more\n', 'line 2: 11 values in place of 10'),
         (in_columns(Row._fields).encode('latin-1'), rf"is '\udcfcnits': {NO_UTF_8}"),
         (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation (it is not JSON)'),
@@ -441,17 +425,13 @@ VISIT = REPORT.partition('\n')[0]
         (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (cannot convert float inf'),
         (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
         (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'not an observation (it has no value)'),
-        *(
-            (REPORT + VISIT.replace(right, wrong) + end, f'line 3 has a wrong value: {fault}')
-            for right, wrong, end, fault in (
-                ('1795189976', f'{10**17}', '', f'stamp_ns of co2 is {10**26 + 513}: {LATEST}'),
-                ('468.63', 'NaN', '\n', 'value of co2 is nan: must be a finite number'),
-            )
+        (
+            REPORT + REPORT.partition('\n')[0].replace('1795189976', f'{10**17}'),
+            f'line 3 has a wrong value: stamp_ns of co2 is {10**26 + 513}: {LATEST}',
         ),
         (b'SQLite format 3\0' + bytes(5000), 'file is not a database'),
         (in_columns(Row._fields[1:]), 'its header lacks stamp_ns: name a file'),
         (in_columns(Row._fields, stamp_ns=ROUNDED, stamp_utc=str.lower), "to '1.79519E+18': "),
-        (csv_text(READINGS), f'which is SQLite or CSV with the header {HEADER}'),
         (in_columns(Row._fields).replace('source', 'source,', 1), 'no line has 11 values, as the header'),
     ],
 )

@@ -59,7 +59,6 @@ BAD_TAG_BYTES = [
     (b'{"7": {}', 'is not JSON: its end is missing: close every quote and bracket'),
     (b'{"7" {}}', "is not JSON: Expecting ':' delimiter (line 1, column 6)"),
     (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
-    ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
     ('{}'.encode('utf-16'), 'is not UTF-8 text'),
     (b'\x89PNG\r\n\x1a\n\0\0\0\rIHDR', 'is not a text file: name another'),
     (b'SQLite format 3\0\xff', 'is an SQLite file, not a text file: name another'),
@@ -76,7 +75,6 @@ HOURS = 'must be a number from 0 to 24 (hours, such as 12.5)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
-    ({'': []}, 'holds a list at its top level, not a mapping with time and sensors'),
     ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
     ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
     ({'time/debug_mode': True, 'time/debug_seed': MISSING}, 'time: debug_seed is missing: must be a whole'),
@@ -101,14 +99,12 @@ BAD_CONFIGS = [
     ({'sensors/co2': 5}, "sensor 'co2' is a number: must be a list with at least one component"),
     ({'sensors/co2/1': 'x'}, "sensor 'co2', component 2 is text, not a mapping with value_at_midnight"),
     ({'sensors/co2/0/dynamics': 'spiral'}, f"{CO2}: unknown dynamics 'spiral': known are linear, radial"),
-    ({'sensors/co2/0/dynamics': ['radial']}, f"{CO2}: unknown dynamics ['radial']"),
     ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}: value_at_midnight is 1e+308: {ANY}'),
     ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}: value_at_noon is nan: {ANY}'),
     ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: must be a number from 0 to 1e+12'),
     ({'sensors/co2/0/decay_distance': 9e-13}, f'{CO2}: decay_distance is 9e-13: {POSITIVE} (metres)'),
     ({'sensors/co2/0/angle': 'north'}, f"{CO2}: angle is 'north': {ANY} (degrees)"),
     ({'sensors/co2/0/position': 5}, f'{CO2}: position is 5: must be [x, y] in metres'),
-    ({'sensors/co2/0/position': [2.0]}, f'{CO2}: position is [2.0]: must be [x, y] in metres'),
     ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
 ]
 # Each line has the line before it nine times, or merges it twice.
@@ -124,7 +120,7 @@ BAD_CONFIG_BYTES = [
     (b'time:\n\tdebug_mode: true\n', 'is not YAML: ScannerError: line 2 has a tab: write spaces'),
     (b'time: !!int ""\n', 'is not YAML:'),
     (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
-    (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
+    (b'2026-11-21 06:00:00\n', 'holds a date at its top level, not a mapping with time and sensors'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
     (b'[' * 500, 'is too deeply nested: use at most 4 levels'),
 ]
@@ -362,9 +358,7 @@ def test_the_shipped_layout_is_that_of_the_simulator_if_there_is_one(shipped_tag
     [
         ([], 'tables is a list, not an object, such as {"bench": {"x0": 0'),
         ({'t': 7}, "table 't' is a number, not an object"),
-        ({'t': {**TABLE, 'x1': '2'}}, "table 't': x1 is '2': must be a number"),
         ({'t': {'x0': 0}}, "table 't': y0 is missing: must be a number"),
-        ({'t': {**TABLE, 'y1': float('nan')}}, "table 't': y1 is nan: must be a number"),
     ],
 )
 def test_a_malformed_table_is_refused_where_the_tables_matter_and_only_there(write, tables, fragment):

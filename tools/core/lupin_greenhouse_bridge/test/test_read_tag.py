@@ -206,9 +206,7 @@ def test_an_output_that_cannot_be_written_is_one_line_and_exit_code_4(
         (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
         (['1', '--ros-args', '--timeout', '1'], "read_tag: '--timeout' is no ROS argument: write"),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
-        (['1', '--ros-args', '-p', 'x:=[1'], 'read_tag: -p x:=[1: ROS reads each value as YAML: quote it'),
         (['no UTF-8: \udcff'], 'read_tag: the ROS arguments cannot be parsed (put other arguments before'),
-        (['1', '--ros-args', '-r', '__node:=a b'], "read_tag: ROS cannot rename by '__node:=a b': write"),
         *(
             (['1', '--timeout', text], f"argument --timeout: '{text}': must be a number of seconds above 0")
             for text in ('soon', '0', 'nan', '-1', 'inf')
