@@ -201,17 +201,15 @@ def test_an_output_that_cannot_be_written_is_one_line_and_exit_code_4(
         ([], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--all'], 'read_tag: name one or more tag ids, or --all, but not both'),
         (['--watch', '1'], 'read_tag: name one or more tag ids, or --all, but not both (1 is the SECONDS of'),
-        (['1', '--watch', '-1'], "argument --watch: '-1': must be a number of seconds above 0, such as 5"),
+        (['1', '--watch', 'soon'], "argument --watch: 'soon': must be a number of seconds above 0, such as 5"),
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
         (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
         (['1', '--ros-args', '--timeout', '1'], "read_tag: '--timeout' is no ROS argument: write"),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
         (['no UTF-8: \udcff'], 'read_tag: the ROS arguments cannot be parsed (put other arguments before'),
-        *(
-            (['1', '--timeout', text], f"argument --timeout: '{text}': must be a number of seconds above 0")
-            for text in ('soon', '0', 'nan', '-1', 'inf')
-        ),
+        (['1', '--timeout', 'nan'], "argument --timeout: 'nan': must be a number of seconds above 0"),
+        (['1', '--timeout', '-1'], "argument --timeout: '-1': must be a number of seconds above 0"),
     ],
 )
 def test_a_wrong_command_line_is_exit_code_2_and_says_why(read_tag_here, arguments, last_line):

@@ -186,7 +186,6 @@ def test_on_a_full_disk_a_database_keeps_all_of_some_rows_or_none_and_a_csv_file
 
 
 LOSSES = {
-    'deleted': Path.unlink,
     'moved': lambda path: path.rename(path.with_name('moved')),
     'truncated': lambda path: os.truncate(path, 0),
 }

@@ -132,7 +132,6 @@ BAD_FILES = [
 
 ODD_IDS = ('Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7')
 GOOD_TAGS = [  # changes to TAGS by path, and the served tags
-    ({'': TAGS['tags']}, ['7']),
     ({'': {'tags': {'tags': TAGS['tags']['7']}}}, ['tags']),
     ({'tags/7/colour': 'red', 'tables': {}, 'units': 'm', 'tags/7/sensors': ['co2', 'co2']}, ['7']),
     ({'tags/7/x': 1e12, 'tags/7/y': -1e12}, ['7']),
