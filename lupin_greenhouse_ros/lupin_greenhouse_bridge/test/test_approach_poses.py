@@ -220,7 +220,6 @@ def test_publish_keeps_the_poses_in_the_map_until_a_signal(run_here, tag_file, t
         ('overrides: {7: , "8": {yaw: 1}}', {'7': Override(), '8': Override(yaw=1.0)}, ''),
         ('overrides: {7: {goal_x: 1, goal_y: 2.5}}', {'7': Override(goal_x=1.0, goal_y=2.5)}, ''),
         ('overrides: {7: {goal_x: 2}}', {'7': Override(goal_x=2.0)}, "'7': goal_y is missing: it is comp"),
-        ('overrides: {8: {goal_y: 2}}', {'8': Override(goal_y=2.0)}, "'8': goal_x is missing: it is comp"),
         ('', {}, ': holds no overrides'),
         ('overrides:\n', {}, ': holds no overrides'),
         ('overrides: {"7": {}}', {'7': Override()}, ': holds no overrides'),

@@ -286,7 +286,6 @@ def test_tags_that_cannot_show_whether_they_are_mirrored_are_said_to_be(register
 @pytest.mark.parametrize(
     ('name', 'fault'),
     [
-        ('pairs.json', 'is the file of --pairs itself'),
         ('link.json', 'is the file of --pairs itself'),
         ('tags.json', 'is the file of --tag-file itself'),
         ('map.pgm', 'exists and is not from this program'),

@@ -200,7 +200,7 @@ def test_an_output_that_cannot_be_written_is_one_line_and_exit_code_4(
         ([], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--all'], 'read_tag: name one or more tag ids, or --all, but not both'),
         (['--watch', '1'], 'read_tag: name one or more tag ids, or --all, but not both (1 is the SECONDS of'),
-        (['1', '--watch', 'soon'], "argument --watch: 'soon': must be a number of seconds above 0, such as 5"),
+        (['1', '--watch', 'one'], "argument --watch: 'one': must be a number of seconds above 0, such as 5"),
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
         (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
