@@ -107,8 +107,10 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
         note = 'no noise' if (low == high).all() else ''
-        is_skewed = (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any()
-        note = 'the highest of several noisy\nvalues, so the band lies higher' if is_skewed else note
+        skewed = hours[np.abs(low + high - 2 * values) > SKEWED * (high - low)]
+        if skewed.size:
+            when = clock_time(3600 * skewed[skewed.size // 2])
+            note = f'a reading is the highest of several noisy\nvalues: near {when} the band lies higher'
         axes.set_title(label_of(name), loc='left')
         axes.set_title(note, loc='right', fontsize='small', color='0.4')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}

@@ -70,7 +70,10 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
     axes.set_title(title, weight='bold', pad=TITLE_PAD + LINE_POINTS)
     above: drawings.Style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center'}
-    axes.annotate(shades_of(axes, options), (0.5, 1.0), (0.0, TITLE_PAD), **above)
+    field = field_of(greenhouse, options.sensor, options.hour, walls)[2]
+    low, high = (units.value_text(options.sensor, each) for each in (field.min(), field.max()))
+    shades = f'{shades_of(axes, options)}, {low} to {high} {units.unit_of(options.sensor)}'
+    axes.annotate(shades, (0.5, 1.0), (0.0, TITLE_PAD), **above)
     return figure
 
 
@@ -123,7 +126,8 @@ def draw_reading(
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
     ink, paper = pyplot.rcParams['text.color'], pyplot.rcParams['axes.facecolor']
-    drawings.draw_robot(axes, pose, radius_m, {'facecolor': f'{ink}88', 'edgecolor': 'white'}, ink)
+    disc = {'facecolor': paper, 'edgecolor': ink, 'linewidth': 3}
+    drawings.draw_robot(axes, pose, radius_m, disc, ink, nose_at=0.5)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
     ray = {'color': ink, 'linestyle': (0, (2, 0.6)), 'linewidth': 3.5}
@@ -144,7 +148,8 @@ def draw_reading(
     place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, bounds)
     frame = {'boxstyle': 'round,pad=0.3', 'facecolor': ink, 'edgecolor': 'none'}
     style = {'color': paper, 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
-    tail = {'arrowstyle': 'wedge,tail_width=1.2', 'color': ink, 'linewidth': 0, 'shrinkB': 0}
+    # It begins below the text and not at the frame, where a seam would be seen.
+    tail = {'arrowstyle': 'wedge,tail_width=4', 'color': ink, 'linewidth': 0, 'patchA': None, 'shrinkB': 0}
     share = radius_m / math.dist(pose[:2], place)
     edge = [at + share * (to - at) for at, to in zip(pose[:2], place, strict=True)]
     axes.annotate('\n'.join(lines), edge, place, arrowprops=tail, **style)

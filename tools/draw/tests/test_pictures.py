@@ -80,7 +80,9 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
     texts = texts_of(figures['greenhouse_light'])
-    assert {'a1 CL', 'b2 C', 'Shades: temperature at 06:00, darker = warmer'} <= set(texts)
+    assert {'a1 CL', 'b2 C'} <= set(texts)
+    shades = r'Shades: temperature at 06:00, darker = warmer, [\d.]+ to [\d.]+ °C'
+    assert any(re.fullmatch(shades, text) for text in texts)
     assert any(text.endswith(' °C') for text in texts)
     key = figures['greenhouse_light'].axes[0].get_legend()
     names = [each.get_text() for each in key.get_texts()]
@@ -112,7 +114,8 @@ def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims(drawn
     limits = greenhouse.quantiles('co2', place, 12.0, shares)
     assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
     notes = [axes.get_title(loc='right') for axes in drawn['day'].axes]
-    assert notes == ['no noise', 'the highest of several noisy\nvalues, so the band lies higher', '']
+    assert notes[::2] == ['no noise', '']
+    assert notes[1].startswith('a reading is the highest of several noisy\nvalues: near 12:00 the band')
     without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
     assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 
@@ -248,13 +251,14 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
         assert not frame.contains(*axes.transData.transform((tag['x'], tag['y'])))
         assert edge.x0 < frame.x0 < frame.x1 < edge.x1
     paths = [line for line in lines if line.get_linestyle() != 'None']
-    for way, text in itertools.product(paths, ids):
+    beside = [stop for stop in stops if stop.get_color() == figure.colours.ROUTE]
+    for way, text in itertools.product(paths, ids + beside):
         path = way.get_transform().transform_path(way.get_path())
         assert not path.intersects_bbox(text.get_window_extent(), filled=False), text.get_text()
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
-def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_to_it(radius_m):
+def test_the_number_of_each_stop_is_at_its_centre_or_near_it_or_has_a_line_to_it(radius_m):
     greenhouse = simulated.Greenhouse('', '')
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
     limits = simulated.ViewingLimits(robot_radius_m=radius_m)
@@ -270,12 +274,10 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
         for number in text.get_text().split(', '):
             pose, place = approaches.poses[tag_ids[int(number) - 1]], text.get_position()
             ends = [end for start, end in lines if tuple(start) == place]
-            ahead_m = math.dist(place, pose[:2])
             if radius_m < 0.2:
                 assert any(math.dist(end, pose[:2]) == pytest.approx(radius_m) for end in ends)
             else:
-                assert place == pytest.approx(figure.drawings.ahead_of(pose, ahead_m))
-                assert ahead_m < 2 * radius_m
+                assert math.dist(place, pose[:2]) < 1.3 * radius_m
 
 
 def discs_of(axes) -> list[Circle]:

@@ -12,6 +12,7 @@ import numpy as np
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
     ARROW_EVERY_M,
+    END_M,
     PATH_WIDTH_M,
     Box,
     Point,
@@ -20,6 +21,7 @@ from lupin_greenhouse_bridge.display.placing import (
     box_of,
     ends_of_path,
     length_m,
+    overlaps,
     place_labels,
     steps_of,
 )
@@ -40,6 +42,7 @@ TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 NOSE, NOSE_RADIUS = 0.87, 0.4  # of the robot: where its triangle is and how large, in radii
+BESIDE, TURN_COST = (1.5, 1.8, 2.1), 0.1  # of a number from its dot: radii of a disc; share of its area
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
@@ -208,12 +211,17 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box] = ()) -> 
 
 
 def draw_robot(
-    axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH, colour: str = colours.ROUTE
+    axes: Any,
+    pose: ApproachPose,
+    radius_m: float,
+    disc: Style = SEE_THROUGH,
+    colour: str = colours.ROUTE,
+    nose_at: float = NOSE,
 ) -> None:
     """Draw the disc of the robot to scale, and over every disc and line of sight a nose at its heading."""
     from matplotlib.patches import Circle, RegularPolygon
 
-    middle, size, turned = ahead_of(pose, NOSE * radius_m), NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
+    middle, size, turned = ahead_of(pose, nose_at * radius_m), NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
     nose: Style = {'facecolor': colour, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
     axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **nose))
     axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
@@ -241,7 +249,7 @@ def draw_route(
     poses, robot_radius_m = approaches.poses, approaches.free_space.robot_radius_m
     width_m, height_m, scale = scale_of(layout, walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.95), layout='constrained')
+    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.7), layout='constrained')
     axes = figure.add_subplot()
     if occupancy is not None:
         _draw_map(axes, occupancy)
@@ -260,16 +268,20 @@ def draw_route(
     if route.points_m:
         draw_path(axes, route.points_m, robots)
     points = [(x, y) for path in (*sights.values(), route.points_m) for x, y, _ in steps_of(path, line_m)]
-    taken = [*robots, *(Box(*point, line_m, line_m) for point in points)]
+    lines = [Box(*point, line_m, line_m) for point in points]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    taken += [dot for _, dot, _ in labels]
+    taken = [*robots, *lines, *(dot for _, dot, _ in labels)]
     bounds = box_of(walls)
     stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
     has_room = math.hypot(*digits) < robot_m
-    further = _write_numbers(axes, stops, robot_radius_m, digits) if has_room else []
+    further = _write_numbers(axes, stops, robot_radius_m, digits, lines) if has_room else []
     taken += further
-    ends = [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
+    end_m = max(END_M, robot_m)
+    ends = [
+        (word, Box(x, y, end_m, end_m), colours.ROUTE)
+        for word, (x, y, *_) in ends_of_path(route.points_m).items()
+    ]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
     if not has_room:
@@ -294,32 +306,43 @@ def _write_numbers(
     stops: Sequence[tuple[ApproachPose, Sequence[Point]]],
     radius_m: float,
     digits: tuple[float, float],
+    lines: Sequence[Box],
 ) -> list[Box]:
     """
-    Write the number of each stop, given with its line of sight; return the boxes of those outside robots.
+    Write the number of each stop, given with its line of sight; return the boxes of those outside discs.
 
-    A number of this size is at the centre of its robot, or ahead where another's line of sight crosses it.
+    A number of this size is on a disc at its stop, or beside a dot where another's line of sight crosses
+    the disc: off these lines, the noses and the discs, and as near to its heading as it can be.
     """
     from matplotlib.patches import Circle
     from matplotlib.patheffects import withStroke
 
-    disc_m, ahead_m = math.hypot(*digits) / 2, (NOSE + NOSE_RADIUS) * radius_m + digits[0] / 2
+    disc_m, nose_m = math.hypot(*digits) / 2, 1.6 * NOSE_RADIUS * radius_m
     steps = [(x, y, n) for n, (_, line) in enumerate(stops) for x, y, _ in steps_of(line, disc_m / 4)]
-    points, places, ahead = np.reshape(steps, (-1, 3)), [], set()
+    points = np.reshape(steps, (-1, 3))
+    taken = [*lines, *(Box(*ahead_of(pose, NOSE * radius_m), nose_m, nose_m) for pose, _ in stops)]
+    further = {}
     for number, (pose, _) in enumerate(stops):
         is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        is_crossed = bool((is_near & (points[:, 2] != number)).any())
-        places.append(ahead_of(pose, ahead_m) if is_crossed else pose[:2])
-        ahead |= {places[-1]} if is_crossed else set()
+        if is_crossed := bool((is_near & (points[:, 2] != number)).any()):
+            further[str(number + 1)] = pose
+        else:
+            axes.text(*pose[:2], number + 1, **NUMBER)
+            taken.append(Box(*pose[:2], 1.7 * disc_m, 1.7 * disc_m))
         dot_m = disc_m / 4 if is_crossed else disc_m
         axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
-    outlined: Style = {
-        'color': colours.ROUTE,
-        'path_effects': [withStroke(linewidth=2.5, foreground='white')],
-    }
-    for text, (place, *_) in join_stops(places, disc_m / 2).items():
-        axes.text(*place, text, **{**NUMBER, **(outlined if place in ahead else {})})
-    return [Box(*place, *digits) for place in ahead]
+    outline = [withStroke(linewidth=2.5, foreground='white')]
+    for text, pose in further.items():
+        turns = np.linspace(-math.pi, math.pi, 49)
+        tries = [
+            Box(*ahead_of(pose._replace(yaw=pose.yaw + turn), share * disc_m), *digits)
+            for share in BESIDE
+            for turn in turns
+        ]
+        shared = overlaps(np.array(tries), np.array(taken)).sum(axis=1) / math.prod(digits)
+        taken.append(tries[int((shared + TURN_COST * np.abs(np.tile(turns, len(BESIDE)))).argmin())])
+        axes.text(*taken[-1][:2], text, **{**NUMBER, 'color': colours.ROUTE}, path_effects=outline)
+    return taken[len(taken) - len(further) :]
 
 
 def _write_numbers_beside(
