@@ -149,7 +149,7 @@ def draw_reading(
     frame = {'boxstyle': 'round,pad=0.3', 'facecolor': ink, 'edgecolor': 'none'}
     style = {'color': paper, 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
     # It begins below the text and not at the frame, where a seam would be seen.
-    tail = {'arrowstyle': 'wedge,tail_width=4', 'color': ink, 'linewidth': 0, 'patchA': None, 'shrinkB': 0}
+    tail = {'arrowstyle': 'wedge,tail_width=2.5', 'color': ink, 'linewidth': 0, 'patchA': None, 'shrinkB': 0}
     share = radius_m / math.dist(pose[:2], place)
     edge = [at + share * (to - at) for at, to in zip(pose[:2], place, strict=True)]
     axes.annotate('\n'.join(lines), edge, place, arrowprops=tail, **style)

@@ -179,6 +179,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
+    labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
     _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -265,9 +266,10 @@ def _write_texts(
         told = f'{word}:' if reason else word
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
         for part in textwrap.wrap(text, int(width / 11)):
-            pieces = zip(part.partition(told), ('black', colours.FAILED, 'black'), strict=True)
-            coloured = [(piece.strip(), colour) for piece, colour in pieces if piece]
-            lines += _lines_of(coloured, width, {'fontsize': 11}, dot='')
+            before, found, after = part.partition(told)
+            red, tail = found[: len(word)], found[len(word) :] + after
+            pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
+            lines += _lines_of([each for each in pieces if each[0]], width, {'fontsize': 11}, dot='')
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
     lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 11})
     above = 12 / 72 / figure.get_figheight()
@@ -298,5 +300,5 @@ def _lines_of(parts: list[tuple[str, str]], width: float, style: Style, dot: str
     packed = []
     for line in lines:
         texts: list[Any] = [TextArea(text, textprops={'color': colour, **style}) for text, colour in line]
-        packed.append(HPacker(children=texts, align='baseline', pad=0, sep=5))
+        packed.append(HPacker(children=texts, align='baseline', pad=0, sep=5 if dot else 0))
     return packed

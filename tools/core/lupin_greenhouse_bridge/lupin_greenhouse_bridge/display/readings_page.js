@@ -11,6 +11,7 @@ const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the t
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
+const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
@@ -166,7 +167,7 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
   const rings = boxes.length > CROWD ? 1 : FARTHEST;
-  const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)));
+  const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)) && (dot.x !== x || dot.y !== y));
   const gap = ([left, top, right, bottom], dot) =>
     Math.hypot(clamp(dot.x, left + SPACE / 2, right - SPACE / 2) - dot.x, clamp(dot.y, top, bottom) - dot.y);
   let best = { cost: Infinity };
@@ -176,8 +177,9 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
+      const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
       const cost = 99 * covered + 9 * shared_with(box, steps)
-        + (0.2 * far + 0.3 * is_misread + 0.01 * number) * area;
+        + (0.2 * far + 0.3 * is_misread + 0.18 * is_close + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, has_leader: far > 0 || is_misread };
     });
   }
@@ -339,9 +341,9 @@ function draw_tab(sensor, number) {
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
-  for (const tag of placed_tags) {
+  for (const tag of [...placed_tags].sort((one, other) => one.has_failed - other.has_failed)) {
     const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
-    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
+    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 1.2) });
     else if (fill) mark(svg, 'circle', { class: 'value', cx, cy, r, stroke: 'currentColor', ...filled(fill) });
   }
   mark(tab, 'span', {}, sensor.value_range);
@@ -358,7 +360,11 @@ function pick(number) {
     tab.tabIndex = n === state.sensor ? 0 : -1;
   });
   element('shown').textContent = sensor.label;
-  element('extremes').textContent = `ringed: ${sensor.extremes.map(([text]) => text).join(', ')}`;
+  element('extremes').replaceChildren();
+  sensor.extremes.forEach(([text], n, { length }) => {
+    const comma = n + 1 < length ? ',' : '';
+    mark(element('extremes'), 'span', {}, n ? text : `ringed: ${text}`, comma).before(n ? ' ' : '');
+  });
   draw_map();
 }
 
@@ -397,7 +403,8 @@ function write_table() {
   const table = document.querySelector('table'), head = mark(mark(table, 'thead'), 'tr');
   const choice = document.querySelector('#sort select');
   for (const column of columns) {
-    const cell = mark(head, 'th', { scope: 'col', class: column.text ? 'number' : '' });
+    const name = column.is_aside ? 'number aside' : column.text ? 'number' : '';
+    const cell = mark(head, 'th', { scope: 'col', class: name });
     const sort = is_descending => {
       for (const each of head.children) each.removeAttribute('aria-sort');
       cell.ariaSort = is_descending ? 'descending' : 'ascending';
@@ -408,6 +415,7 @@ function write_table() {
     if (column.unit) mark(cell, 'small', {}, column.unit);
     for (const arrow of '↑↓') mark(choice, 'option', {}, `${column.name} ${arrow}`).sort = () => sort(arrow === '↓');
   }
+  head.firstChild.ariaSort = 'ascending';
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
   element('aside').hidden = asides.length !== 1;
   if (asides.length === 1) element('aside').lastChild.textContent = `${asides[0].name} ${asides[0].unit ?? ''}`;
@@ -531,11 +539,17 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     mark(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
     write(svg, Math.min(x(at), width - width_of(times.text(at)) / 2), height - 8, times.text(at), 'middle');
   }
+  const lone = [];
   const lines = sensor.lines.map(line => {
     const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low = value, high = value]) => {
       const at = times.ms_of(offset);
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     }).sort((one, other) => one.at - other.at);
+    if (points.length === 1) {  // beside those at its place
+      const [point] = points, { length } = lone.filter(p => Math.hypot(p.x - point.x, p.y - point.y) < 3);
+      lone.push({ ...point });
+      point.x += 6 * length;
+    }
     const is_bold = is_marked(sensor, tag);
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
   });
@@ -613,8 +627,8 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
     if (!is_spare) draw_leader(end.group, end.x + 2, end.y, left - 3, y);
     write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
-  for (const { group, text, points: [{ x, y }, ...more] } of lines) {
-    if (!more.length) label_dot(group, x, y, 1, width_of(text), { taken, room, route }, 'halo', text);
+  for (const { group, text, is_bold, points: [{ x, y }, ...more] } of lines) {
+    if (!more.length) label_dot(group, x, y, is_bold ? 4 : 1, width_of(text), { taken, room, route }, 'halo', text);
   }
 }
 

@@ -36,7 +36,7 @@ DAY_SECONDS = 86_400
 MOST_ARROWS_ACROSS = 10  # of a route, along the greenhouse
 LABEL_STEP_M, MOST_STEPS = 0.1, 1000  # between the points of a route that labels avoid
 NS_PER_MS = 1_000_000
-TO = '\u00a0to\u00a0'  # a line can break before the unit alone
+TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
 TEMPLATE = Path(__file__).with_suffix('.html')
 SCRIPT = Path(__file__).with_suffix('.js')
 
@@ -189,7 +189,7 @@ def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[flo
         'decimals': decimals_of(sensor),
         'limits': limits,
         'colours': [colours.get(tag_id) for tag_id in tags],
-        'value_range': f'{TO.join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
+        'value_range': f'{TO.join(ends)}{SPACE}{unit_of(sensor)}'.strip() if known else 'no value',
         'extremes': [
             (text, [tags[tag_id]['id'] for tag_id in tag_ids])
             for text, tag_ids in summary.extremes_of(sensor, known)
