@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from build import ROOT, Workspace, build, here
-from environment import DISTROS
+from environment import DISTROS, packages_of
 from jobs import Job, Tests, run
 from within import pip, stand_ins, within
 
@@ -48,9 +48,8 @@ AXE = 'axe-core@4.14.1'
 
 def has_module(python: str, module: str) -> bool:
     """Return whether a Python starts, which the shim of a version manager may not, and imports a module."""
-    return (
-        subprocess.run([python, '-c', f'import {module}'], capture_output=True, check=False).returncode == 0
-    )
+    command = [python, '-c', f'import {module}']
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
 def python_of(version: str) -> str | None:
@@ -70,8 +69,7 @@ def make_environment(python: str, venv: Path, distro: str) -> None:
 
 def use_simulator(venv: Path, version: str) -> None:
     """Install a release of the simulator, if the environment has another one."""
-    (packages,) = venv.glob('lib/python3*/site-packages')
-    if not list(packages.glob(f'mdp_greenhouse-{version}.dist-info')):
+    if not list(packages_of(venv).glob(f'mdp_greenhouse-{version}.dist-info')):
         pip(venv, 'install', '--no-deps', f'mdp-greenhouse=={version}')
 
 
@@ -155,19 +153,14 @@ def test_all() -> bool:
     return run(jobs, AT_ONCE) and run([pytest_job('results', '-m', 'not heavy', OF_RESULTS)])
 
 
-def install_axe(venv: Path) -> None:
-    """Install axe-core, which checks the accessibility of the page, if npm is available."""
-    if shutil.which('npm'):
-        options = ['--silent', '--no-audit', '--no-fund', '--prefix', str(venv / 'axe')]
-        subprocess.run(['npm', 'install', *options, AXE], check=False)
-
-
 def test_heavy() -> bool:
     """Run what takes minutes, and the tests of the programs in ci/ and tools/."""
     monorepo, mirror = (Workspace(here().venv, tree) for tree in TREES)
     for each in (monorepo, mirror):
         build(each, each.packages())
-    install_axe(here().venv)
+    if shutil.which('npm'):  # without it, nothing checks the accessibility of the page
+        options = ['--silent', '--no-audit', '--no-fund', '--prefix', str(monorepo.venv / 'axe')]
+        subprocess.run(['npm', 'install', *options, AXE], check=False)
     other = mirror._replace(venv=mirror_environment(here().venv))
     os.environ['MIRROR_VENV'] = str(other.venv)
     logs = monorepo.folder / 'heavy'

@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import domain_coordinator
@@ -51,12 +50,6 @@ class Server(NodeProcess):
         process = psutil.Process(self.process.pid)
         rss_kb = process.memory_info().rss // 1024
         return {'RSS in kB': rss_kb, 'open files': process.num_fds(), 'threads': process.num_threads()}
-
-
-def status_of(pid: int, key: str) -> str:
-    """Return a value of /proc/PID/status, without its unit."""
-    text = Path(f'/proc/{pid}/status').read_text()
-    return next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1]
 
 
 def in_turns(measures: Sequence[Callable[[], T]], rounds: int) -> list[tuple[T, ...]]:

@@ -34,7 +34,7 @@ from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
-from shared import PATIENCE_SECONDS, Promises, Server, check_promises, own_domain, parser_of, status_of
+from shared import PATIENCE_SECONDS, Promises, Server, check_promises, own_domain, parser_of
 from traffic import Bridge, ClientProcess, start_clients
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
@@ -184,6 +184,12 @@ def record(node: Node, longest_lock_seconds: float, is_killed: bool, file: Path)
     counted = re.findall(r'(\d+) rows (kept|lost)$', '\n'.join(recorder.rest_of_log()), re.MULTILINE)
     in_log = Counter({what: int(number) for number, what in counted})
     return in_log + Counter({'published': published, 'in file': len(read_rows(file)) - before})
+
+
+def status_of(pid: int, key: str) -> str:
+    """Return a value of /proc/PID/status, without its unit."""
+    text = Path(f'/proc/{pid}/status').read_text()
+    return next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1]
 
 
 def recorder_of_many_rows(load: Namespace) -> Promises:
