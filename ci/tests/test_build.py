@@ -54,25 +54,20 @@ def workspace():
     Path(f'{folder}.lock').unlink(missing_ok=True)
 
 
-def make_package(folder: Path) -> None:
-    """Write a Python package with one module."""
-    name = folder.name
-    (folder / name).mkdir(parents=True)
-    (folder / name / 'module.py').write_text('')
-    (folder / 'setup.py').write_text(
-        f"from setuptools import setup\nsetup(name='{name}', version='1.0.0', packages=['{name}'])\n"
-    )
-    (folder / 'package.xml').write_text(
-        f'<package format="3"><name>{name}</name><version>1.0.0</version><description>d</description>'
-        '<maintainer email="a@example.org">a</maintainer><license>Apache-2.0</license>'
-        '<export><build_type>ament_python</build_type></export></package>'
-    )
-
-
 def test_a_build_does_only_what_has_changed(tmp_path, workspace):
     packages = [tmp_path / 'one', tmp_path / 'two']
     for package in packages:
-        make_package(package)
+        name = package.name
+        (package / name).mkdir(parents=True)
+        (package / name / 'module.py').write_text('')
+        (package / 'setup.py').write_text(
+            f"from setuptools import setup\nsetup(name='{name}', version='1.0.0', packages=['{name}'])\n"
+        )
+        (package / 'package.xml').write_text(
+            f'<package format="3"><name>{name}</name><version>1.0.0</version><description>d</description>'
+            '<maintainer email="a@example.org">a</maintainer><license>Apache-2.0</license>'
+            '<export><build_type>ament_python</build_type></export></package>'
+        )
     variables = os.environ | {'TREE': workspace.name, 'VENV': str(ENVIRONMENTS['monorepo'])}
 
     def built() -> set[str]:

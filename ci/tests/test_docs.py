@@ -57,16 +57,11 @@ def test_the_documents_are_true():
     assert re.search(r'^\d+ documents, \d+ shell blocks: 0 findings$', result.stdout)
 
 
-@pytest.fixture(autouse=True)
-def alone_in_ros(monkeypatch):
-    """Let the nodes of this process find no other one, which may have the same name."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
-
-
 @pytest.fixture(scope='module')
 def facts():
     """Return what documents must say of the bridge."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')  # no other node of the same name
         patch.setattr(docs_check, 'NODES', {'greenhouse_bridge': docs_check.NODES['greenhouse_bridge']})
         found = docs_check.facts_in_code()
     assert OF_BRIDGE.replace('.settings.', '.reading.read_on_sight.') in found
@@ -141,8 +136,6 @@ def test_a_good_document_has_no_findings(findings):
         ('<!-- needs a robot -->\n', '', 'mark this block with tested by, needs or followed by: drive'),
         ('`0.0`', '`1.0`', f'no document has this in the {OF_BRIDGE}: | speedup_factor | 0.0 |'),
         ('`0.0`', '`1.0`', f'wrong in the {OF_BRIDGE}: | speedup_factor | 1.0 |'),
-        ('| `debug_seed` | `-1` | a seed |\n', '', f'has this in the {OF_BRIDGE}: | debug_seed | -1 |'),
-        ('debug_seed', 'debug_sed', f'wrong in the {OF_BRIDGE}: | debug_sed | -1 |'),
         ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of'),
         ('<br>GetTagReading', '<br>GetReading', 'graphs: /greenhouse_bridge/get_tag_reading GetReading -'),
         ('node([your', '    node([your', 'write this line of a graph as `source --> id["/name<br>'),

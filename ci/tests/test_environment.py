@@ -4,22 +4,29 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import environment
 import pytest
-from conftest import ROOT, make, of_a_user, run, succeed
+from conftest import ROOT, make, of_a_user, run, start, succeed
 
 pytestmark = pytest.mark.heavy
 CI = ROOT / 'ci'
 
 
+@pytest.fixture(autouse=True)
+def without_ros_and_uv(monkeypatch):
+    """Let no sourced ROS be found in this process, and no uv on PATH."""
+    find = shutil.which
+    monkeypatch.setattr(shutil, 'which', lambda name: None if name == 'uv' else find(name))
+    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
+
+
 @pytest.fixture
 def commands(monkeypatch):
-    """Record the commands instead of running pip and venv; no ROS is sourced."""
+    """Record the commands instead of running pip and venv."""
     ran = []
 
     def record(_what, command, _log):
@@ -30,15 +37,7 @@ def commands(monkeypatch):
             (Path(command[-1]) / 'lib/python3.11/site-packages').mkdir(parents=True)
 
     monkeypatch.setattr(environment, 'run', record)
-    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
-    hide_uv(monkeypatch)
     return ran
-
-
-def hide_uv(monkeypatch):
-    """Let no uv be found on PATH."""
-    find = shutil.which
-    monkeypatch.setattr(shutil, 'which', lambda name: None if name == 'uv' else find(name))
 
 
 def test_a_complete_environment_is_left_alone_and_another_distro_makes_it_again(commands, tmp_path):
@@ -64,8 +63,6 @@ def one_pin(tmp_path, monkeypatch):
     two = [pin.partition('  #')[0] for pin in pins if pin.startswith(('packaging==', 'uv=='))]
     (tmp_path / 'kilted.txt').write_text('\n'.join(two))
     monkeypatch.setattr(environment, 'REQUIREMENTS', tmp_path)
-    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
-    hide_uv(monkeypatch)
     return two[0].strip()
 
 
@@ -105,7 +102,6 @@ def test_a_failed_step_is_told_and_not_taken_for_done(tmp_path, monkeypatch, cap
     broken = tmp_path / 'python3'
     broken.write_text('#!/bin/sh\necho no space left >&2\nexit 1\n')
     broken.chmod(0o755)
-    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
     monkeypatch.setattr(sys, 'executable', str(broken))
     for _ in range(2):
         with pytest.raises(SystemExit, match=f'^environment: making .* stopped at: {broken} -m venv '):
@@ -265,10 +261,9 @@ def test_without_a_network_one_line_names_it(tmp_path):
 
 
 def test_ctrl_c_ends_it_in_one_line(tmp_path):
-    command = [sys.executable, 'ci/environment.py', tmp_path / 'venv', 'kilted']
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
-        while not (tmp_path / 'venv/install.log').exists():
-            assert process.poll() is None
-        os.killpg(process.pid, signal.SIGINT)
-        *_, last = process.stderr.read().splitlines()
+    process = start(sys.executable, 'ci/environment.py', str(tmp_path / 'venv'), 'kilted')
+    while not (tmp_path / 'venv/install.log').exists():
+        assert process.poll() is None
+    os.killpg(process.pid, signal.SIGINT)
+    *_, last = process.communicate()[0].splitlines()
     assert (process.returncode, last) == (130, 'environment: interrupted')

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import docs_check
 import pytest
-from conftest import ROOT, Shell, of_a_user, succeed
+from conftest import ROOT, of_a_user, succeed
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.units import name_of
 
@@ -20,14 +20,6 @@ def without_noise(text: str) -> str:
     return re.sub(r'(co2|humidity|soil_moisture) +[0-9.]+', r'\1', text)
 
 
-def run_console(shell: Shell, block: str) -> None:
-    """Run each `$ command` of a block, which may fail; fail unless it prints what is shown below it."""
-    for each in block.removeprefix('$ ').split('\n$ '):
-        command, _, shown = each.partition('\n')
-        printed = shell.run(f'{command} || true')
-        assert without_noise(shown).strip() in without_noise(printed), printed
-
-
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
@@ -39,7 +31,10 @@ def test_the_tutorial(copy, open_shell):
             first.paste(block)
             first.read_until('ready: ')
         elif language == 'console':
-            run_console(second, block)
+            for each in block.removeprefix('$ ').split('\n$ '):
+                command, _, shown = each.partition('\n')
+                printed = second.run(f'{command} || true')  # which may fail
+                assert without_noise(shown).strip() in without_noise(printed), printed
         else:
             second.run(block)
     readings = read_file(copy / 'my_readings.sqlite').rows

@@ -36,6 +36,14 @@ def commit(folder, message='Change it'):
     git(folder, 'commit', '--quiet', '--message', message)
 
 
+def snapshot(folder):
+    return {
+        path: (path.stat().st_mtime_ns, path.stat().st_mode, path.read_bytes())
+        for path in folder.rglob('*')
+        if path.is_file() and '.git' not in path.relative_to(folder).parts
+    }
+
+
 @pytest.fixture(scope='session')
 def packed_repositories(tmp_path_factory):
     """Return a folder with what the twin tools need of this repository, and a clone of the mirror."""

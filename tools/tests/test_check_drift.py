@@ -94,10 +94,6 @@ def track(path):
     git(path.parent, 'add', '--force', str(path))
 
 
-def executable(path):
-    path.chmod(0o755)
-
-
 NEW, GONE = added(), Path.unlink
 # heading, sides, file, change
 MUTANTS = [
@@ -147,13 +143,12 @@ MUTANTS = [
     (IGNORE, 'mirror', f'{BRIDGE}/COLCON_IGNORE', NEW),
     (IGNORE, 'both', f'{BRIDGE}/AMENT_IGNORE', NEW),
     (IGNORE, 'monorepo', 'MSGS/CATKIN_IGNORE', NEW),
-    (MODE, 'mirror', NODE, executable),
-    (MODE, 'monorepo', READING, executable),
+    (MODE, 'mirror', NODE, lambda path: path.chmod(0o755)),
+    (MODE, 'monorepo', READING, lambda path: path.chmod(0o755)),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/resource/{BRIDGE}', lambda path: path.write_bytes(b'\xff')),
     (LINK, 'mirror', SIMULATION, linked('/etc/hostname')),
     (LINK, 'monorepo', BRIDGE, linked(f'../{TREES["mirror"]}/{BRIDGE}')),
     (LINK, 'monorepo', 'MSGS/msg', linked('/')),
-    (LINK, 'mirror', f'{BRIDGE}/doc', linked('/')),
 ]  # fmt: skip
 
 

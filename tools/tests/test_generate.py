@@ -5,7 +5,7 @@ import shutil
 
 import generate
 import pytest
-from conftest import commit, edit, git
+from conftest import commit, edit, git, snapshot
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 PACKAGE = 'lupin_greenhouse_bridge'
@@ -21,14 +21,6 @@ DIVERGENT = '    return Path(value) if value else None\n'
 
 def run(repository, *arguments):
     return generate.main([*arguments, '--root', str(repository)])
-
-
-def snapshot(folder):
-    return {
-        path: (path.stat().st_mtime_ns, path.stat().st_mode, path.read_bytes())
-        for path in folder.rglob('*')
-        if path.is_file() and '.git' not in path.relative_to(folder).parts
-    }
 
 
 def refusal(repository, capsys, *arguments):

@@ -7,7 +7,7 @@ import check_drift
 import generate
 import mirror_import
 import pytest
-from conftest import commit, edit, git
+from conftest import commit, edit, git, snapshot
 
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'
@@ -24,10 +24,15 @@ def commit_in(mirror, *edits):
     return (mirror / '../N.patch').read_bytes().decode(errors='surrogateescape')
 
 
-def import_patch(monorepo, patch):
-    """Run the command; return how it has ended."""
+def write_patch(monorepo, patch):
     file = monorepo.parent / 'N.patch'
     file.write_bytes(patch.encode(errors='surrogateescape'))
+    return file
+
+
+def import_patch(monorepo, patch):
+    """Run the command; return how it has ended."""
+    file = write_patch(monorepo, patch)
     # A shell in the background ignores Ctrl-C; so would this.
     command = ['env', '--default-signal=INT', 'python', '-B', 'tools/mirror_import.py', file]
     return subprocess.run(
@@ -44,32 +49,18 @@ def refused(result):
 
 
 @pytest.fixture
-def import_here(repositories):
-    """Return a function that imports a patch in this process, and without a work tree of its own."""
+def refusal(repositories):
+    """Return a function that returns why a patch is refused, in this process: that is faster."""
     monorepo, _ = repositories
-    file, folder = monorepo.parent / 'N.patch', monorepo.parent / 'patches'
-
-    def imported(patch):
-        file.write_bytes(patch.encode(errors='surrogateescape'))
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
-        for each in mirror_import.split(file, folder):
-            mirror_import.import_patch(monorepo, each, generate.load_table(monorepo))
-
-    return imported
-
-
-@pytest.fixture
-def refusal(import_here, repositories):
-    """Return a function that returns why a patch is refused."""
-    start = git(repositories[0], 'rev-parse', 'HEAD').strip()
+    start = git(monorepo, 'rev-parse', 'HEAD').strip()
 
     def told(patch):
+        file = write_patch(monorepo, patch)
         with pytest.raises(generate.RefusedError, match=r"^'Mend it': ") as refused:
-            import_here(patch)
-        shutil.rmtree(repositories[0] / '.git/rebase-apply', ignore_errors=True)
-        git(repositories[0], 'reset', '--quiet', '--hard', start)
-        git(repositories[0], 'clean', '--quiet', '-ffd')
+            mirror_import.import_patch(monorepo, file, generate.load_table(monorepo))
+        shutil.rmtree(monorepo / '.git/rebase-apply', ignore_errors=True)
+        git(monorepo, 'reset', '--quiet', '--hard', start)
+        git(monorepo, 'clean', '--quiet', '-ffd')
         return str(refused.value)
 
     return told
@@ -87,9 +78,7 @@ def state(monorepo):
         ['symbolic-ref', 'HEAD'], ['for-each-ref'], ['ls-files', '--stage'], ['status', '--porcelain'],
         ['worktree', 'list'],
     )  # fmt: skip
-    paths = [path for path in monorepo.rglob('*') if '.git' not in path.parts and path.is_file()]
-    files = {path: (path.stat().st_mode, path.read_bytes()) for path in paths}
-    return files, [git(monorepo, *command) for command in commands]
+    return snapshot(monorepo), [git(monorepo, *command) for command in commands]
 
 
 def checks_pass(monorepo):
@@ -132,29 +121,22 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     assert checks_pass(monorepo)
 
 
-NODE, LINE = f'{BRIDGE}/bridge_node.py', '    return value or None\n'
-RENAMED = 'names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs'
 ON_PURPOSE = (
     "must have 'return value or None' once, and has it 0 times:"
     ' here the trees differ on purpose, as tools/twins.toml says'
 )
 
 
-@pytest.mark.parametrize(
-    ('path', 'old', 'new', 'reason'),
-    [
-        (NODE, LINE, '    return value\n', ON_PURPOSE),
-        (f'{BRIDGE}/units.py', '', '# lupin_msgs', RENAMED),
-        ('LICENSE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
-    ],
-)
-def test_what_the_mirror_must_keep_cannot_be_changed(repositories, refusal, path, old, new, reason):
-    mirror = repositories[1]
-    if new is None:
-        (mirror / path).unlink()
-    assert refusal(commit_in(mirror, *([] if new is None else [(path, old, new)]))).endswith(
-        f'{path}: {reason}'
-    )
+def test_what_the_mirror_must_keep_cannot_be_changed(repositories, refusal):
+    mirror, node, units = repositories[1], f'{BRIDGE}/bridge_node.py', f'{BRIDGE}/units.py'
+    renamed = 'names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs'
+    (mirror / 'LICENSE').unlink()
+    for edits, reason in (
+        ([], 'LICENSE: is missing; the mirror keeps it by hand: put it back'),
+        ([(node, '    return value or None\n', '    return value\n')], f'{node}: {ON_PURPOSE}'),
+        ([(units, '', '# lupin_msgs')], f'{units}: {renamed}'),
+    ):
+        assert refusal(commit_in(mirror, *edits)).endswith(reason)
 
 
 def mail(diff):
@@ -203,17 +185,12 @@ def test_a_patch_without_prefixes_is_refused_with_the_fix(repositories, refusal)
     assert 'without a/ and b/: make it with git -c diff.noprefix=false format-patch' in reason
 
 
-def test_a_traditional_patch_of_a_file_without_header_is_imported(repositories, import_here):
-    path = f'{PACKAGE}/doc/more.md'
-    import_here(mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}'))
-    assert (repositories[0] / 'tools/core' / path).read_text() == 'on: push\n'
-    assert checks_pass(repositories[0])
-
-
-def test_a_patch_that_was_saved_with_crlf_is_imported(repositories, import_here):
-    monorepo, mirror = repositories
-    import_here(commit_in(mirror, NEW_TITLE).replace('\n', '\r\n'))
-    assert (monorepo / 'lupin_greenhouse_ros/README.md').read_bytes() == (mirror / 'README.md').read_bytes()
+def test_a_traditional_patch_that_was_saved_with_crlf_is_imported(repositories):
+    monorepo, path = repositories[0], f'{PACKAGE}/doc/more.md'
+    result = import_patch(monorepo, mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}').replace('\n', '\r\n'))
+    assert result.returncode == 0, result.stderr
+    assert (monorepo / 'tools/core' / path).read_bytes() == b'on: push\n'
+    assert checks_pass(monorepo)
 
 
 def test_a_patch_that_is_cut_off_is_refused(repositories, refusal):

