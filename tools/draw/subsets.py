@@ -184,9 +184,8 @@ def draw_field(
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
     tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
-    unit = units.unit_of(options.sensor)
     around = [dot._replace(width=7 * dot.width, height=3 * dot.height) for dot in dots]
-    values = write_values(axes, lines, part, unit, size, [*taken, *around, *tables])
+    values = write_values(axes, lines, part, units.unit_of(options.sensor), size, [*taken, *around, *tables])
     return [*taken, *dots, *tables, *values]
 
 
@@ -236,23 +235,17 @@ def draw_tags(
             axes.add_patch(Wedge((x, y), size.height_m / 2, *ends, **style))
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
     style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
-    drawings.write_labels(axes, labels, size, taken, view_of(axes), **style)
-
-
-def view_of(axes: Any) -> placing.Box:
-    """Return the rectangle that the axes show."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    return placing.box_of(Walls(x0, y0, x1, y1))
+    drawings.write_labels(axes, labels, size, taken, placing.box_of(Walls(x0, y0, x1, y1)), **style)
 
 
 def write_key(owner: Any, greenhouse: Greenhouse, columns: int, **place: Any) -> None:
     """Write below the colour, the letter and the name of each sensor."""
     size, edge = 1.2 * pyplot.rcParams['font.size'], {'markeredgecolor': pyplot.rcParams['text.color']}
+    colours = colours_of(greenhouse)
     marks = [
-        (f'{letter} {units.name_of(name)}', drawings.point_style('o', colour, size, **edge))
-        for (name, letter), colour in zip(
-            greenhouse.letters.items(), colours_of(greenhouse).values(), strict=True
-        )
+        (f'{letter} {units.name_of(name)}', drawings.point_style('o', colours[letter], size, **edge))
+        for name, letter in greenhouse.letters.items()
     ]
     marks.append(('table', drawings.point_style('s', TABLE[pyplot.rcParams['axes.facecolor']], size, **edge)))
     style = {'columnspacing': 1.0, 'handlelength': 1.5, 'handletextpad': 0.2}
