@@ -60,12 +60,14 @@ def overrides(tmp_path):
 
 
 @pytest.mark.parametrize('in_map', [AS_IT_IS, TURNED, Transform(-3.0, 1.0, -0.7)])
-def test_an_override_is_a_pose_in_the_map(overrides, in_map):
+def test_an_override_is_a_pose_in_the_map_and_one_of_an_unknown_tag_is_a_warning(overrides, in_map):
     x, y = in_map.point(0.6, 0.3)
     yaw = in_map.heading(1.5)
-    found = plan(in_map, **overrides(f'"1": {{goal_x: {x!r}, goal_y: {y!r}, yaw: {yaw!r}}}'))
+    pose, of_no_tag = f'"1": {{goal_x: {x!r}, goal_y: {y!r}, yaw: {yaw!r}}}', '"99": {standoff: 0.4}'
+    found = plan(in_map, **overrides(f'{pose}, {of_no_tag}'))
     assert found.goals['1'] == [pytest.approx((x, y, yaw))]
-    assert found.warnings == []
+    (warning,) = found.warnings
+    assert "tag '99' is not in the layout" in warning
 
 
 def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
@@ -73,11 +75,6 @@ def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
     assert plan(Transform(5.0, 0.0, 0.0), **half).goals['1'][0][:2] == pytest.approx((5.6, 0.5))
     with pytest.raises(StartUpError, match="tag '1' has only one of goal_x and goal_y: set both"):
         plan(TURNED, **half)
-
-
-def test_an_override_of_an_unknown_tag_is_a_warning(overrides):
-    (warning,) = plan(**overrides('"99": {standoff: 0.4}')).warnings
-    assert "tag '99' is not in the layout" in warning
 
 
 @pytest.mark.parametrize(
@@ -92,8 +89,5 @@ def test_an_override_of_an_unknown_tag_is_a_warning(overrides):
     ],
 )
 def test_the_shortest_order_starts_at_the_robot_or_its_dock_if_they_are_free(robot, dock, order):
-    assert ''.join(plan(TURNED).shortest(list('1234'), robot, dock)) == order
-
-
-def test_a_tag_without_a_pose_is_visited_last():
-    assert plan().shortest(['9', '2', '1'])[-1] == '9'
+    """A tag without a pose is visited last."""
+    assert ''.join(plan(TURNED).shortest(list('91234'), robot, dock)) == f'{order}9'

@@ -98,8 +98,3 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
     share = get_package_share_path('lupin_mission')
     nodes = yaml.safe_load((share / 'config/mission_orchestrator.yaml').read_text(encoding='utf-8'))
     assert nodes == {'/**/mission_orchestrator': {'ros__parameters': asdict(Settings())}}
-
-
-def test_a_dock_pose_is_empty_or_three_numbers():
-    poses = {'': [], '[1.0, 0.5, 3.14]': [1.0, 0.5, 3.14]}
-    assert {each: Settings(dock_pose=each).dock for each in poses} == poses

@@ -55,12 +55,6 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(robot, steps):
     assert robot.route == [PATH[0], *PATH, PATH[-1]]  # it stood at the start and stands at the end
 
 
-def test_a_robot_that_cannot_start_is_refused():
-    problem = 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit there'
-    with pytest.raises(StartUpError, match=problem):
-        Settings(blocked='0.4 0.4 0.6 0.6').free_space()
-
-
 ACCEPTED = {
     'blocked': 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1',
     'start_pose': 'x, y and yaw in radians: "0.5 0.5 0.0", or an array',

@@ -1,5 +1,6 @@
-"""A camera on a robot sees the tags that are in view from its pose, and no others."""
+"""The tags that the detector finds in the pictures: all that are in view, and no others."""
 
+import itertools
 import math
 
 import numpy as np
@@ -16,13 +17,17 @@ SOUTHWARDS = TagPose(2.0, 3.0, -math.pi / 2)
 CENTRE_X, CENTRE_Y = CAMERA.width / 2, CAMERA.height / 2
 
 
+def numbers_and_corners(picture: np.ndarray) -> dict[int, np.ndarray]:
+    """Return the corners of the tags that confirm_tag would accept, by number."""
+    return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not tag.flaw(Settings())}
+
+
 def seen_from(x: float, y: float, yaw: float, **tags: TagPose) -> dict[int, np.ndarray]:
-    """Return the corners of the tags that confirm_tag would accept, by number; t7 is the tag of number 7."""
+    """Return the corners of the tags in view from a pose, by number; t7 is the tag of number 7."""
     by_number = {int(name.removeprefix('t')): tag for name, tag in tags.items()}
     random = np.random.default_rng(0)
     scene = CAMERA.scene_from(PoseInPlane(x, y, yaw), by_number, random)
-    picture = CAMERA.expose(scene, random, blur_pixels=0.7)
-    return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not tag.flaw(Settings())}
+    return numbers_and_corners(CAMERA.expose(scene, random, blur_pixels=0.7))
 
 
 def before(
@@ -32,6 +37,26 @@ def before(
     direction = tag.facing + math.radians(angle_degrees)
     x, y = tag.x + distance_m * math.cos(direction), tag.y + distance_m * math.sin(direction)
     return PoseInPlane(x, y, direction + math.pi + math.radians(yaw_off_degrees))
+
+
+SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
+
+
+@pytest.mark.parametrize(
+    ('distance_m', 'angles_degrees', 'conditions'),
+    [
+        (0.5, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
+        (1.5, (0, 30, 45), (SHARP, NOISY)),
+    ],
+)
+def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, conditions):
+    """Two ids; doc/confirm_tag.md of lupin_tag_confirmation has 30, also with blur at 1 m."""
+    for tag_number, angle_degrees in itertools.product((1, 21), angles_degrees):
+        random = np.random.default_rng(tag_number)
+        scene = CAMERA.scene_of_tag(tag_number, random, distance_m, angle_degrees)
+        for condition in conditions:
+            found = numbers_and_corners(CAMERA.expose(scene, random, **condition))
+            assert list(found) == [tag_number], (angle_degrees, condition)
 
 
 @pytest.mark.parametrize('facing', [-math.pi / 2, math.pi, 2.5])

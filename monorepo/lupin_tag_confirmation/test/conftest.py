@@ -123,8 +123,3 @@ def start(run_nodes):
         return Perception(node)
 
     return start_perception
-
-
-@pytest.fixture(scope='session')
-def tag_7():
-    return picture_of_tag(7)

@@ -44,12 +44,12 @@ def confirmer(*frames, **criteria) -> Confirmer:
     return confirmer
 
 
-def verdict_of(confirmer, tag_id='7') -> Verdict:
-    """Search all frames, and return the verdict on this tag."""
-    now = Moment(NOW, NOW)
-    while confirmer.choose(now, now):
+def verdict_of(confirmer, tag_id='7', now=NOW) -> Verdict:
+    """Search all frames, and return the verdict on this tag for a request that came at NOW."""
+    moments = Moment(now, now), Moment(NOW, NOW)
+    while confirmer.choose(*moments):
         pass
-    return confirmer.judge(tag_number(tag_id), now, now)
+    return confirmer.judge(tag_number(tag_id), *moments)
 
 
 def answer(confirmer, tag_id='7') -> tuple[float, str]:
@@ -76,20 +76,13 @@ def test_why_a_tag_is_not_confirmed(frames, criteria, message):
     assert confidence == (0.5 if [GOOD] in frames else 0.0)
 
 
-def judge_at(now: float, *frames) -> str:
-    """Return the reason of a request that came at NOW, and that has waited for these frames."""
-    waited, moments = confirmer(*frames), (Moment(now, now), Moment(NOW, NOW))
-    while waited.choose(*moments):
-        pass
-    return waited.judge(7, *moments).reason
-
-
 def test_each_image_since_shortly_before_the_request_counts_however_late_it_comes():
     """It was taken up to the longest age before the request, and comes 2.3 s later."""
     for taken in (NOW - 0.9, NOW + 0.2):
-        assert judge_at(NOW + 2.5, *[frame_of([GOOD], taken, taken + 2.3)] * 2) == ''
-    early = frame_of([GOOD], NOW - 1.1, NOW + 1.2)
-    assert judge_at(NOW + 2.5, early) == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
+        late = confirmer(*[frame_of([GOOD], taken, taken + 2.3)] * 2)
+        assert verdict_of(late, now=NOW + 2.5).reason == ''
+    early = verdict_of(confirmer(frame_of([GOOD], NOW - 1.1, NOW + 1.2)), now=NOW + 2.5)
+    assert early.reason == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
 
 
 def test_frames_are_searched_only_when_asked_each_once_and_the_newest_first():
