@@ -134,7 +134,8 @@ def draw_reading(
     axes.plot(*zip(*sight, strict=True), **ray, zorder=1.9)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
-    lines = [
+    lines = [f'tag {tag_id}:']
+    lines += [
         f'{units.name_of(name)} {units.value_text(name, value)} {units.unit_of(name)}'
         for name, value in values.items()
     ]

@@ -184,7 +184,7 @@ def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag
     values = re.findall(r'^1 +12:00:00 +(\w+) +([\d.]+) +(\S+)$', readme, re.MULTILINE)
     assert len(values) == 2
     axes, tag = drawn['greenhouse_part_light'].axes[0], shipped('tag_locations.json')['tags']['1']
-    said = [' '.join(each).replace('co2', 'CO₂') for each in values]
+    said = ['tag 1:', *(' '.join(each).replace('co2', 'CO₂') for each in values)]
     (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(said)]
     frame = shown.get_bbox_patch().get_window_extent()
     assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))

@@ -251,7 +251,7 @@ def draw_route(
     width_m, height_m, scale = scale_of(layout, walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
     figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.7), layout='constrained')
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(anchor='N')  # all the room that is left is for the key
     if occupancy is not None:
         _draw_map(axes, occupancy)
     draw_greenhouse(axes, layout, walls)
