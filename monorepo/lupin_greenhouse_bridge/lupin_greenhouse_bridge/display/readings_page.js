@@ -342,9 +342,9 @@ function draw_tab(sensor, number) {
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
-  for (const tag of [...placed_tags].sort((one, other) => one.has_failed - other.has_failed)) {
+  for (const tag of [...placed_tags].sort((one, other) => other.has_failed - one.has_failed)) {
     const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
-    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 1.2) });
+    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r) });
     else if (fill) mark(svg, 'circle', { class: 'value', cx, cy, r, stroke: 'currentColor', ...filled(fill) });
   }
   mark(tab, 'span', {}, sensor.value_range);
