@@ -20,9 +20,8 @@ from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None  # launch_testing imports every test module
-pytestmark = pytest.mark.skipif(not HAS_NAV2, reason=source_of_messages('nav2_msgs'))
-actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
+actions = importlib.import_module('nav2_msgs.action') if importlib.util.find_spec('nav2_msgs') else None
+pytestmark = pytest.mark.skipif(not actions, reason=source_of_messages('nav2_msgs'))
 HOUR = 3600.0
 HERE = Arrival()
 NORTH = math.pi / 2

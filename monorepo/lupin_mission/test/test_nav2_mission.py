@@ -2,13 +2,13 @@
 
 import functools
 import gc
-import importlib.util
 import json
 import math
 import queue
 import signal
 import sys
 import threading
+from importlib.util import find_spec
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -27,8 +27,8 @@ from mission_helpers import CAMERA, HOUR, READER, localized, publish
 from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Bool
 
-HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None  # launch_testing imports every test module
-pytestmark = pytest.mark.skipif(not HAS_NAV2, reason=source_of_messages('nav2_msgs'))
+# Not importorskip, which ends the import: launch_testing imports every test module.
+pytestmark = pytest.mark.skipif(not find_spec('nav2_msgs'), reason=source_of_messages('nav2_msgs'))
 NAME = '/held/navigate_to_pose'
 NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1, 'map_topic': "''"}
 WITH_MAP = {**NAV2, 'map_topic': '/held/map'}

@@ -42,9 +42,8 @@ POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
 NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
 NO_PATH = f'no path from 0.50, 0.50 m to {FAR.x:.2f}, {FAR.y:.2f} m'
 HOUR = 3600.0
-HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None  # launch_testing imports every test module
-pytestmark = pytest.mark.skipif(not HAS_NAV2, reason=source_of_messages('nav2_msgs'))
-actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
+actions = importlib.import_module('nav2_msgs.action') if importlib.util.find_spec('nav2_msgs') else None
+pytestmark = pytest.mark.skipif(not actions, reason=source_of_messages('nav2_msgs'))
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.
 ACTIONS = ('NavigateToPose', 'NavigateToPoseIron', 'NavigateToPoseHumble')
 
