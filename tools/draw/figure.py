@@ -110,8 +110,9 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         skewed = hours[np.abs(low + high - 2 * values) > SKEWED * (high - low)]
         if skewed.size:
             when = clock_time(3600 * skewed[skewed.size // 2])
-            note = f'a reading is the highest of several noisy\nvalues: near {when} the band lies higher'
-        axes.set_title(label_of(name), loc='left')
+            why = f'near {when} they are close, so noise raises most readings'
+            note = f'the highest of several sources:\n{why}'
+        axes.set_title(label_of(name) + '\n' * note.count('\n'), loc='left')
         axes.set_title(note, loc='right', fontsize='small', color='0.4')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
@@ -128,7 +129,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
     title = f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured'
     figure.suptitle(title, weight='bold')
-    names = 'without noise', '9 of 10 readings'
+    names = 'without noise', '9 of 10 readings lie here'
     figure.legend([line, band], names, loc='outside lower center', ncols=2, frameon=False)
     return figure
 

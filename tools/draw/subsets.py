@@ -130,8 +130,9 @@ def draw_reading(
     drawings.draw_robot(axes, pose, radius_m, disc, ink, nose_at=0.5)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
-    ray = {'color': ink, 'linestyle': (0, (2, 0.6)), 'linewidth': 3.5}
-    axes.plot(*zip(*sight, strict=True), **ray, zorder=1.9)
+    rim = drawings.ahead_of(pose, radius_m)
+    for start, end, dashes in ((pose[:2], rim, '-'), (rim, tag[:2], (0, (2, 0.6)))):
+        axes.plot(*zip(start, end, strict=True), color=ink, linestyle=dashes, linewidth=3.5, zorder=1.9)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
     lines = [f'tag {tag_id}:']

@@ -115,7 +115,7 @@ def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims(drawn
     assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
     notes = [axes.get_title(loc='right') for axes in drawn['day'].axes]
     assert notes[::2] == ['no noise', '']
-    assert notes[1].startswith('a reading is the highest of several noisy\nvalues: near 12:00 the band')
+    assert notes[1].startswith('the highest of several sources:\nnear 12:00 they are close')
     without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
     assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 
@@ -188,8 +188,10 @@ def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag
     (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(said)]
     frame = shown.get_bbox_patch().get_window_extent()
     assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))
-    (ray,) = [line for line in axes.lines if line.get_linestyle() == '--']
-    assert tuple(ray.get_xydata()[-1]) == (tag['x'], tag['y'])
+    (ray,) = [line.get_xydata() for line in axes.lines if line.get_linestyle() == '--']
+    assert tuple(ray[-1]) == (tag['x'], tag['y'])
+    (robot,) = discs_of(axes)
+    assert math.dist(ray[0], robot.center) == pytest.approx(robot.radius)
 
 
 def tables_of(axes) -> list[Rectangle]:
