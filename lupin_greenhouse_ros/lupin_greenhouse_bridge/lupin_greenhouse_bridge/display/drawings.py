@@ -42,26 +42,37 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-NOSE, NOSE_RADIUS = 0.87, 0.4  # of the robot: where its triangle is and how large, in radii
-BESIDE, TURN_COST = (1.5, 1.8, 2.1), 0.1  # of a number from its dot: radii of a disc; share of its area
+NOSE, NEAREST_NOSE = 0.9, 0.6  # of the robot: where its nose is, in radii
+DART = (0.38, 0.0), (-0.3, 0.26), (-0.18, 0.0), (-0.3, -0.26)  # the corners of the nose, in radii
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
+Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
-DASHED = (0, (4, 2))
 
 
-def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
+def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
     """Return the style of points without a line between them."""
     return {'marker': marker, 'color': colour, 'markersize': size, 'linestyle': '', **more}
 
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
+SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
 # In the key, as the next two.
-ROBOT = point_style('$❼▸$', colours.ROUTE, 17, markeredgewidth=0)
-FURTHER = point_style(r'$▸\,\mathbf{7}$', colours.ROUTE, 14, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
+SEVEN = r'$\mathbf{7}$'
+ROBOT = (
+    point_style('o', f'{colours.ROUTE}30', 18, markeredgewidth=0),
+    point_style('o', colours.ROUTE, 10),
+    point_style(np.add(DART, (NOSE, 0.0)), colours.ROUTE, 22, markeredgewidth=0),
+    point_style(SEVEN, 'white', 5, markeredgewidth=0),
+)
+FURTHER = (
+    SIGHT,
+    point_style('o', 'white', 10, markeredgecolor=colours.ROUTE),
+    point_style(SEVEN, colours.ROUTE, 5, markeredgewidth=0),
+)
 
 
 class LabelSize(NamedTuple):
@@ -171,13 +182,14 @@ def write_labels(
     return [Box(*place, *each[1:]) for place, each in zip(places, sized, strict=True)]
 
 
-def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **style: Any) -> Any:
+def write_key(owner: Any, marks: Sequence[tuple[str, Mark]], columns: int, **style: Any) -> Any:
     """Write what each mark means: below the axes or the figure, if the style has no place; return the key."""
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], **{**mark, 'label': label}) for label, mark in marks]
+    layers = (mark if isinstance(mark, tuple) else (mark,) for _, mark in marks)
+    handles = [tuple(Line2D([], [], **each) for each in mark) for mark in layers]
     place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, 0.0), 'frameon': False}
-    return owner.legend(handles=handles, ncol=columns, **{**place, **style})
+    return owner.legend(handles, [label for label, _ in marks], ncol=columns, **{**place, **style})
 
 
 def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
@@ -220,11 +232,12 @@ def draw_robot(
     nose_at: float = NOSE,
 ) -> None:
     """Draw the disc of the robot to scale, and over every disc and line of sight a nose at its heading."""
-    from matplotlib.patches import Circle, RegularPolygon
+    from matplotlib.patches import Circle, Polygon
 
-    middle, size, turned = ahead_of(pose, nose_at * radius_m), NOSE_RADIUS * radius_m, pose.yaw - math.pi / 2
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    corners = pose[:2] + radius_m * np.add(DART, (nose_at, 0.0)) @ [(cos, sin), (-sin, cos)]
     nose: Style = {'facecolor': colour, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
-    axes.add_patch(RegularPolygon(middle, 3, radius=size, orientation=turned, **nose))
+    axes.add_patch(Polygon(corners, **nose))
     axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
 
 
@@ -259,25 +272,27 @@ def draw_route(
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     sights = {tag_id: (pose[:2], layout.tags[tag_id][:2]) for tag_id, pose in poses.items()}
-    sight: Style = {'color': colours.ROUTE, 'linestyle': DASHED}
     for line in sights.values():
-        axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.9)
-    for pose in poses.values():
-        draw_robot(axes, pose, robot_radius_m)
+        axes.plot(*zip(*line, strict=True), **SIGHT, zorder=1.9)
+    stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
-    robots = [Box(*pose[:2], robot_m, robot_m) for pose in poses.values()]
-    if route.points_m:
-        draw_path(axes, route.points_m, robots)
+    digits = DIGITS.times(scale).box(str(len(stops)))
+    has_room = math.hypot(*digits) < robot_m
+    robots = [Box(*pose[:2], robot_m, robot_m) for pose, _ in stops]
     points = [(x, y) for path in (*sights.values(), route.points_m) for x, y, _ in steps_of(path, line_m)]
     lines = [Box(*point, line_m, line_m) for point in points]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    taken = [*robots, *lines, *(dot for _, dot, _ in labels)]
+    taken = [*lines, *(dot for _, dot, _ in labels)]
+    if has_room:
+        solid, further = _draw_stops(axes, stops, robot_radius_m, digits, taken)
+    else:
+        solid, further = robots, []
+        for pose, _ in stops:
+            draw_robot(axes, pose, robot_radius_m)
+    if route.points_m:
+        draw_path(axes, route.points_m, solid)
+    taken += robots + further
     bounds = box_of(walls)
-    stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
-    digits = DIGITS.times(scale).box(str(len(stops)))
-    has_room = math.hypot(*digits) < robot_m
-    further = _write_numbers(axes, stops, robot_radius_m, digits, lines) if has_room else []
-    taken += further
     end_m = max(END_M, robot_m)
     ends = [
         (word, Box(x, y, end_m, end_m), colours.ROUTE)
@@ -287,63 +302,62 @@ def draw_route(
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
-    marks: dict[str, Style] = {
-        'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
+    marks: dict[str, Mark] = {
+        'route, in the direction of its arrows': {**SIGHT, 'linestyle': '-', 'marker': '>', 'markersize': 5},
         f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
-        **({'further stop, too near another one for a disc': FURTHER} if further else {}),
-        'from a stop to the tag that it reads': sight,
+        'from a stop to the tag that it reads': SIGHT,
+        **({'stop too near another one for a disc: its number is ahead of it': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= {'obstacle in the map': point_style('s', colours.OBSTACLE, 8)} if occupancy is not None else {}
-    shown = [(label, {'linewidth': 0.9, **mark}) for label, mark in marks.items()]
-    write_key(axes, shown, columns=1, borderaxespad=3.6)  # below the label of the x axis
+    write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
 
-def _write_numbers(
+def _draw_stops(
     axes: Any,
     stops: Sequence[tuple[ApproachPose, Sequence[Point]]],
     radius_m: float,
     digits: tuple[float, float],
-    lines: Sequence[Box],
-) -> list[Box]:
+    taken: Sequence[Box],
+) -> tuple[list[Box], list[Box]]:
     """
-    Write the number of each stop, given with its line of sight; return the boxes of those outside discs.
+    Draw the robot at each stop, given with its line of sight, and the number of the stop, of this size.
 
-    A number of this size is on a disc at its stop, or beside a dot where another's line of sight crosses
-    the disc: off these lines, the noses and the discs, and as near to its heading as it can be.
+    A number is on a disc at its stop, or on its line of sight where another's line crosses that disc: near
+    the robot, where it covers least. Return the boxes of all that is drawn, and of the numbers on lines.
     """
     from matplotlib.patches import Circle
-    from matplotlib.patheffects import withStroke
 
-    disc_m, nose_m = math.hypot(*digits) / 2, 1.6 * NOSE_RADIUS * radius_m
+    disc_m, nose_m = math.hypot(*digits) / 2, np.ptp(DART) * radius_m
     steps = [(x, y, n) for n, (_, line) in enumerate(stops) for x, y, _ in steps_of(line, disc_m / 4)]
     points = np.reshape(steps, (-1, 3))
-    taken = [*lines, *(Box(*ahead_of(pose, NOSE * radius_m), nose_m, nose_m) for pose, _ in stops)]
-    further = {}
-    for number, (pose, _) in enumerate(stops):
+    solid, further = [], {}
+    for number, (pose, line) in enumerate(stops):
         is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        if is_crossed := bool((is_near & (points[:, 2] != number)).any()):
-            further[str(number + 1)] = pose
+        dot_m = disc_m
+        if (is_near & (points[:, 2] != number)).any():
+            dot_m = disc_m / 4
+            further[number + 1] = line
         else:
             axes.text(*pose[:2], number + 1, **NUMBER)
-            taken.append(Box(*pose[:2], 1.7 * disc_m, 1.7 * disc_m))
-        dot_m = disc_m / 4 if is_crossed else disc_m
+        nose_at = max(dot_m / radius_m - min(DART)[0], NEAREST_NOSE)
+        nose = ahead_of(pose, nose_at * radius_m)
         axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
-    outline = [withStroke(linewidth=2.5, foreground='white')]
-    for text, pose in further.items():
-        turns = np.linspace(-math.pi, math.pi, 49)
-        tries = [
-            Box(*ahead_of(pose._replace(yaw=pose.yaw + turn), share * disc_m), *digits)
-            for share in BESIDE
-            for turn in turns
-        ]
-        shared = overlaps(np.array(tries), np.array(taken)).sum(axis=1) / math.prod(digits)
-        taken.append(tries[int((shared + TURN_COST * np.abs(np.tile(turns, len(BESIDE)))).argmin())])
-        axes.text(*taken[-1][:2], text, **{**NUMBER, 'color': colours.ROUTE}, path_effects=outline)
-    return taken[len(taken) - len(further) :]
+        draw_robot(axes, pose, radius_m, nose_at=nose_at)
+        solid += [Box(*pose[:2], 2 * dot_m, 2 * dot_m), Box(*nose, nose_m, nose_m)]
+    plate = {'boxstyle': 'circle,pad=0.15', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
+    for number, line in further.items():
+        length_of_line_m, first_m = math.dist(*line), radius_m + disc_m
+        shares = np.linspace(first_m, max(length_of_line_m - 1.5 * disc_m, first_m), 9) / length_of_line_m
+        places = np.outer(1 - shares, line[0]) + np.outer(shares, line[1])
+        tries = np.hstack([places, np.full((len(places), 2), 2 * disc_m)])
+        best = overlaps(tries, np.array([*taken, *solid])).sum(axis=1).round(3).argmin()
+        solid.append(Box(*tries[best]))
+        axes.text(*places[best], number, **{**NUMBER, 'color': colours.ROUTE}, bbox=plate)
+    return solid, solid[len(solid) - len(further) :]
 
 
 def _write_numbers_beside(
