@@ -26,23 +26,27 @@ def draw(
     pen = ImageDraw.Draw(image)
     scale = max(1.0, image.width / USUAL_WIDTH)
     bar, pad = round(scale * BAR_PIXELS), round(scale * PAD_PIXELS)
+    row = bar // 2 - pad
     pen.font = _font(round(scale * FONT_PIXELS))
     for each in detections:
-        label, colour = f'tag id {each.tag_number}', OTHER
+        label, colour = [f'tag id {each.tag_number}'], OTHER
         if each.tag_number == expected_number:
             colour = FLAWED if each.flaw(settings) else GOOD
-            label += f': contrast {each.decision_margin:.0f}, {settings.min_decision_margin:g} needed'
-            label += f', hamming {each.hamming}' if each.hamming else ''
+            margin, least = each.decision_margin, settings.min_decision_margin
+            label.append(f'contrast {margin:.0f} grey levels, {least:g} needed')
+            label += [f'hamming {each.hamming}'] if each.hamming else []
         corners = [(float(x), float(y)) for x, y in each.corners]
         pen.line([*corners, corners[0]], fill=colour, width=4)
         (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
         border = (bottom - top) / 8  # white, one of the tag's modules wide
-        width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
-        right, low = width + 2.0 * pad, height + 2.0 * pad
+        # Pillow 9.0 has no box of several lines, and textbbox refuses its default font.
+        width = max(pen.getfont().getmask(line).size[0] for line in label)
+        right, low = width + 2.0 * pad, float(len(label) * row + pad)
         x = max(min(float(left), image.width - right), 0.0)
         y = min(float(bottom + border) + 6 * scale, image.height - low)
         pen.rectangle((x, y, x + right, y + low), fill=PAPER)
-        pen.text((x + pad, y + pad / 2), label, fill=colour)
+        for number, line in enumerate(label):
+            pen.text((x + pad, y + pad / 2 + number * row), line, fill=colour)
     pen.rectangle((0, 0, image.width, bar), fill=PAPER)
     pen.text((2 * pad, pad), f'camera image: looking for tag id {expected_number}', fill=ASKED)
     why = reason.removeprefix(f'tag {expected_number}: ')

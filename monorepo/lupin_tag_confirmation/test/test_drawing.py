@@ -38,12 +38,13 @@ def test_the_bar_has_the_colour_of_the_verdict(reason, colour):
 
 
 def test_the_label_tells_the_id_the_margin_and_corrected_bits():
-    labels = [drawn(**each)[142:170] for each in ({}, {'margin': 51.0}, {'tag_number': 8}, {'hamming': 1})]
-    inked = [(label != 128).any(axis=2).any(axis=0).sum() for label in labels]
+    labels = [drawn(**each)[142:] for each in ({'margin': 51.0}, {}, {'tag_number': 8}, {'hamming': 1})]
+    rows, columns = ([(label != 128).any(axis=(2, axis)).sum() for label in labels] for axis in (1, 0))
     assert len({label.tobytes() for label in labels}) == 4
-    assert inked[3] > inked[0] + 20  # ', hamming 1' makes it longer
-    assert (labels[0][4:7, 100:150] == PAPER).all()  # room around the text
-    assert (labels[0][4:20, 100:104] == PAPER).all()
+    assert np.diff(rows).tolist() == [0, -19, 38]  # a line for the contrast, and one for the corrected bit
+    assert max(columns) < 300
+    assert (labels[2][4:7, 100:150] == PAPER).all()  # room around the text
+    assert (labels[2][4:20, 100:104] == PAPER).all()
 
 
 def test_a_wide_picture_has_a_higher_bar():
