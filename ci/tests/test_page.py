@@ -58,21 +58,23 @@ THINGS = '#map a > text, #map a > .dot'
 COVERED = pairs(THINGS, THINGS, 1, 1)
 CLOSE = pairs('#map a > text.muted', THINGS, -7.5, 4)  # an id without a value that looks like part of another
 ONE_TEXT = pairs('#map a > text', '#map a > text', -12, 4)  # two labels on a line that read as one
-# Each label of the map that its route runs through.
+# Each label of the map, or the tag of a line to one, that the route runs through.
 ON_ROUTE = """
-[...document.querySelectorAll('#map text.halo')].filter(text => {
-    const route = document.querySelector('#map .route'), to_screen = route.getScreenCTM();
-    const { left, right, top, bottom } = text.getBoundingClientRect();
-    return Array.from({ length: route.getTotalLength() }, (_, at) => route.getPointAtLength(at))
-        .map(point => point.matrixTransform(to_screen))
-        .some(({ x, y }) => x > left && x < right && y > top + 3 && y < bottom - 3);
-}).map(text => text.textContent)
+[...document.querySelectorAll('#map text.halo, #map .leader')].filter(each => {
+    const route = document.querySelector('#map .route'), to_screen = each.getScreenCTM();
+    const points = path => Array.from({ length: path.getTotalLength() }, (_, at) => path.getPointAtLength(at))
+        .map(point => point.matrixTransform(to_screen));
+    const { left, right, top, bottom } = each.getBoundingClientRect();
+    const line = each.localName === 'line' && points(each);
+    return points(route).some(({ x, y }) => line ? line.some(at => Math.hypot(at.x - x, at.y - y) < 1)
+        : x > left && x < right && y > top + 3 && y < bottom - 3);
+}).map(each => each.textContent || each.parentNode.dataset.tag)
 """
 RUN_TOGETHER = pairs('.series text', '.series text', -3, 4)
 COVERED_IN_CHARTS = pairs('.series text', '.series text, .series circle', 1, 4)
-# Each label that has no line to its dot and is nearer to the middle of another one, or of a stop.
+# Each label that is nearer to the middle of a stop, or of another dot if it has no line to its own.
 MISREAD = """
-[...document.querySelectorAll('#map a')].filter(group => !group.querySelector('.leader')).flatMap(group => {
+[...document.querySelectorAll('#map a')].flatMap(group => {
     const { left, right, top, bottom } = group.querySelector('text').getBoundingClientRect();
     const gap = dot => {
         const box = dot.getBoundingClientRect();
@@ -80,7 +82,8 @@ MISREAD = """
         return Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
     };
     const own = gap(group.querySelector('.dot')), nearer = dot => gap(dot) < own - 3;
-    return [...document.querySelectorAll('#map .dot, #map .stop')].some(nearer) ? group.dataset.tag : [];
+    const others = group.querySelector('.leader') ? '#map .stop' : '#map .dot, #map .stop';
+    return [...document.querySelectorAll(others)].some(nearer) ? group.dataset.tag : [];
 })
 """
 WITHOUT_LABEL = "[...document.querySelectorAll('.spare')].map(each => each.textContent)"
@@ -403,9 +406,12 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
     """Of a mission with a route and attempts. Each tag has a label, and none touches another tag."""
     report.write_text(report.read_text(encoding='utf-8').replace('"attempts": 1', '"attempts": 2', 9))
     route = report.with_name('report-route.csv')
-    route.write_text('x,y\n0.5,0.5\n3,0.5\n3,6\n3,6\n1,6\n1,5\n2,4\n2,4\n0.5,0.5\n', encoding='utf-8')
+    way = [(3, 6)] * 2 + [(1.8, 5.4)] * 2 + [(1.6, 4.1)] + [(0.8, 4)] * 2 + [(1.6, 4.1)] + [(2, 4.5)] * 2
+    lines = [f'{x},{y}' for x, y in ('xy', (0.5, 0.5), *way, (0.5, 0.5))]
+    route.write_text('\n'.join(lines), encoding='utf-8')
     page = open_page(report, '--walls', '0', '0', *map(str, walls), width=320, height=height)
-    assert page.evaluate("document.querySelectorAll('#map .stop').length") == 2
+    counts = "['stop', 'arrow'].map(name => document.querySelectorAll(`#map .${name}`).length)"
+    assert page.evaluate(counts) == [4, 5]  # one arrow between two stops
     boxes, widths = {}, [320, 360, 412, 560, 703, 704, 768, 900, 1280, 1920, 2560]
     for width in widths:
         page.set_viewport_size({'width': width, 'height': height})

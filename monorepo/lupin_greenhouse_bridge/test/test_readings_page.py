@@ -13,7 +13,7 @@ from statistics import median
 
 import pytest
 from conftest import START_S, visit, write_report
-from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.display import placing, readings_page
 from lupin_greenhouse_bridge.display.drawing_command import MOST_SENSORS, Recording
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
@@ -204,9 +204,15 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
     room = shipped_config['visualization'] | {'greenhouse_width_m': 3.0, 'greenhouse_height_m': 2.0}
     config = json.dumps(shipped_config | {'visualization': room})
     (tmp_path / 'report-greenhouse_config.yaml').write_text(config, encoding='utf-8')
-    (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
+    (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0\n0.5,3\n0.5,3\n0.5,0\n', encoding='utf-8')
     data = shown(report(visit('7', co2=600.0)))
-    assert data['route'] == [[0.5, 0.5], [0.5, 3.5]]
+    assert data['stops'] == [[0.5, 3]]
+    # Out and back on one line: each way is on its right, and the two arrows do not cover each other.
+    assert [0.5, 1.5, 0.5, 0] in data['route']
+    assert [0.5, 1.5, -0.5, 0] in data['route']
+    (_, y_out, *out), (_, y_back, *back) = data['arrows']
+    assert (out, back) == ([1.571, 0.5, 0], [-1.571, -0.5, 0])
+    assert abs(y_out - y_back) > placing.ARROW_M
     assert [(tag['id'], tag['x'], tag['y']) for tag in data['tags']] == [('7', 0.5, 1.5)]
     assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
 

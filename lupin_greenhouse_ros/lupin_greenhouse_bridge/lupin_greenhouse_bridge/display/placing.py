@@ -7,10 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial import KDTree
 
 from lupin_greenhouse_bridge.planning.walls import Walls
 
 ARROW_EVERY_M, ARROW_M = 0.8, 0.22
+# Parts of a path that are as close and as parallel (as a sine) lie beside each other; and its steps at most.
+SHARED_M, PARALLEL, MOST_STEPS = 0.06, 0.3, 1000
+SMOOTHED = 9  # steps
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
 # Of a label at the double distance from its dot, and of one nearer to another dot: shares of its area.
 FAR_COST, NEARER_COST = 0.15, 0.05
@@ -105,15 +110,46 @@ def arrows_along(points: Sequence[Point], every_m: float = ARROW_EVERY_M) -> lis
     return arrows
 
 
-def arrows_between(points: Sequence[Point], stops: Sequence[Box]) -> list[tuple[float, float, float]]:
-    """Return x, y and heading in the middle of each leg of a path that has room for an arrow."""
-    steps, boxes, step_m = list(steps_of(points, ARROW_M / 8)), np.array(stops), ARROW_M / 8
-    places = np.reshape(steps, (-1, 3))[:, :2]
-    apart_m = np.hypot(*(places[:, None] - boxes[:, :2]).T).T
-    is_free = (apart_m > boxes[:, 2] / 2).all(axis=1)
+def arrows_between(
+    points: Sequence[Point], stops: Sequence[Box], arrow_m: float = ARROW_M
+) -> list[tuple[float, float, float]]:
+    """Return x, y and heading near the middle of each leg of a path that has room for an arrow."""
+    steps, boxes, step_m = list(steps_of(points, arrow_m / 8)), np.array(stops), arrow_m / 8
+    apart_m, nearest = KDTree(boxes[:, :2]).query(np.reshape(steps, (-1, 3))[:, :2])
+    is_free = apart_m > boxes[nearest, 2] / 2
     groups = itertools.groupby(zip(steps, is_free, strict=True), lambda each: bool(each[1]))
-    legs = [list(leg) for is_leg, leg in groups if is_leg]
-    return [leg[len(leg) // 2][0] for leg in legs if len(leg) * step_m > ARROW_M]
+    legs = [[each for each, _ in leg] for is_leg, leg in groups if is_leg]
+    arrows: list[tuple[float, float, float]] = []
+    for leg in (each for each in legs if len(each) * step_m > arrow_m):
+        middle = len(leg) // 2
+        outwards = sorted(range(4, len(leg) - 4), key=lambda n: abs(n - middle))
+        straight = [leg[n] for n in outwards if math.dist(leg[n - 4][:2], leg[n + 4][:2]) > 0.999 * arrow_m]
+        is_free = (each for each in straight if all(math.dist(each[:2], at[:2]) > arrow_m for at in arrows))
+        arrows.append(next(is_free, leg[middle]))
+    return arrows
+
+
+def stops_of(points: Sequence[Point]) -> list[Point]:
+    """Return where a robot stood on its path: the points that are there twice in a row."""
+    return list(dict.fromkeys(here for here, there in itertools.pairwise(points) if here == there))
+
+
+def lanes_of(points: Sequence[Point]) -> np.ndarray:
+    """
+    Return rows of x, y, heading and how to shift the point, so that parts that share a piece are apart.
+
+    A shift is in x and y, in distances between two lanes. The first part is at the right of the next one.
+    """
+    step_m = max(SHARED_M / 2, length_m(points) / MOST_STEPS)
+    steps = [each for leg in itertools.pairwise(points) for each in steps_of(leg, step_m)]
+    last_heading = steps[-1][2] if steps else 0.0
+    x, y, heading = np.array([*steps, (*points[-1], last_heading)]).T
+    is_near = np.hypot(x[:, None] - x, y[:, None] - y) < SHARED_M
+    is_near &= np.abs(np.sin(heading[:, None] - heading)) < PARALLEL
+    parts = np.cumsum(np.diff(is_near, axis=1, prepend=False) & is_near, axis=1)
+    lanes, first = (parts[:, -1] + 1) / 2 - parts.diagonal(), heading[is_near.argmax(axis=1)]
+    shifts = np.column_stack([lanes * np.sin(first), -lanes * np.cos(first)])
+    return np.column_stack([x, y, heading, uniform_filter1d(shifts, SMOOTHED, axis=0)])
 
 
 def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:

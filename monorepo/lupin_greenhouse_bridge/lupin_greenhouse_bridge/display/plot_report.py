@@ -10,11 +10,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lupin_greenhouse_bridge.display import colours, drawings, summary
 from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from lupin_greenhouse_bridge.display.drawings import LabelSize, Style, point_style
-from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
+from lupin_greenhouse_bridge.display.placing import (
+    ARROW_M,
+    Box,
+    Point,
+    box_of,
+    ends_of_path,
+    lanes_of,
+    length_m,
+    steps_of,
+    stops_of,
+)
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
@@ -23,8 +35,10 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
-DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)  # scaled by scale_of()
+# The sizes of marks, which scale_of() scales.
+LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.07, 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)
 POINTS = 9.0  # of the labels and the key
+STOP = point_style('o', colours.ROUTE, 3.5)
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
@@ -136,7 +150,11 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     others = [tag_id for tag_id in tags if tag_id not in shown.readings and tag_id not in failed]
     _draw_dots(axes, others, shown, UNKNOWN)
     if route:
-        drawings.draw_path(axes, route)
+        lanes, at_ends = lanes_of(route), (route[0], route[-1])
+        stops = [each for each in stops_of(route) if each not in at_ends]
+        boxes = [Box(*each, ARROW_M, ARROW_M) for each in stops]
+        drawings.draw_path(axes, (lanes[:, :2] + shown.scale * LANE_M * lanes[:, 3:]).tolist(), boxes)
+        axes.plot(*np.reshape(stops, (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     gap_m = shown.scale * GAP_M
     sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
@@ -233,6 +251,8 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
     if shown.route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
+    if stops_of(shown.route):
+        marks.append(('stop', STOP))
     if empty_cell:
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, fontsize=POINTS, **place)

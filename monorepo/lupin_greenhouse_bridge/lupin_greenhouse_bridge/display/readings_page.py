@@ -34,8 +34,7 @@ UNREAD = 'not visited', 'not in the file'  # of tags without a row in the table
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
 MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
 DAY_SECONDS = 86_400
-MOST_ARROWS_ACROSS = 10  # of a route, along the greenhouse
-LABEL_STEP_M, MOST_STEPS = 0.1, 1000  # between the points of a route that labels avoid
+ARROWS_ACROSS = 40  # of a route, which are as long as the greenhouse
 NS_PER_MS = 1_000_000
 TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
 TEMPLATE = Path(__file__).with_suffix('.html')
@@ -231,15 +230,23 @@ def _failure_data(failure: summary.Failures, tags: dict[str, dict[str, Any]]) ->
 
 
 def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
-    """Return the route of a robot in metres, with its arrows, and with points that labels avoid."""
-    step_m = max(LABEL_STEP_M, placing.length_m(route) / MOST_STEPS)
-    arrow_m = max(placing.ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, step_m)
-    ends = placing.ends_of_path(route) if len(route) > 1 else {}
+    """Return the line, the arrows and the stops of a route in metres: each point with its shift."""
+    if len(route) < 2:
+        return {'route': [], 'arrows': [], 'stops': [], 'route_ends': {}}
+    stops = placing.stops_of(route)
+    arrow_m = max(placing.ARROW_M, (walls.y1 - walls.y0) / ARROWS_ACROSS)
+    if stops:
+        boxes = [placing.Box(*stop, arrow_m, arrow_m) for stop in stops]
+        arrows = placing.arrows_between(route, boxes, arrow_m)
+    else:
+        arrows = placing.arrows_along(route, max(placing.ARROW_EVERY_M, 4 * arrow_m))
+    lanes = placing.lanes_of(route)
+    nearest = [np.abs(lanes[:, :3] - each).sum(axis=1).argmin() for each in arrows]
     return {
-        'route': route,
-        'arrows': placing.arrows_along(route, arrow_m),
-        'route_steps': [(x, y) for x, y, _ in placing.steps_of(route, step_m)],
-        'route_ends': {word: (box.x, box.y) for word, box in ends.items()},
+        'route': [row[:2] + row[3:] if any(row[3:]) else row[:2] for row in lanes.round(3).tolist()],
+        'arrows': lanes[nearest].round(3).tolist(),
+        'stops': stops,
+        'route_ends': {word: (box.x, box.y) for word, box in placing.ends_of_path(route).items()},
     }
 
 

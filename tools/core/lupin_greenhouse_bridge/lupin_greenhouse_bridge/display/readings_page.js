@@ -13,6 +13,7 @@ const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
 const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
+const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot
@@ -29,8 +30,6 @@ const PAPER_MAP = [440, 740];  // in print, as the next one
 const paper_chart = count => [704 / (is_long ? 1 : Math.min(count, 3)) - 12, is_long ? 190 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
-// The robot stood where a point is there twice in a row.
-const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
 // A clock of the greenhouse that is faster than ours tells more.
 const state = { sensor: 0, clock: data.speed ? 'day' : 'wall', is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
@@ -178,7 +177,8 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
       const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
-      const cost = 99 * covered + 9 * shared_with(box, steps)
+      const across = [box, ...leader].reduce((sum, each) => sum + shared_with(each, steps), 0);
+      const cost = 9999 * (covered > 1) + 99 * covered + 9 * across
         + (0.2 * far + 0.3 * is_misread + 0.18 * is_close + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, has_leader: far > 0 || is_misread };
     });
@@ -232,13 +232,14 @@ function draw_ground(svg, { x, y, scale }) {
 
 function draw_route(svg, { x, y }) {
   if (data.route.length < 2) return;
-  const points = data.route.map(point => [x(point[0]), y(point[1])]), [start, end] = [points[0], points.at(-1)];
+  const shifted = ([at_x, at_y, aside = 0, up = 0]) => [x(at_x) + LANE * aside, y(at_y) - LANE * up];
+  const points = data.route.map(shifted), [start, end] = [points[0], points.at(-1)];
   mark(svg, 'path', { class: 'route', d: path_of(points) });
-  for (const [at_x, at_y, heading] of data.arrows) {
-    const transform = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
+  for (const [at_x, at_y, heading, ...shift] of data.arrows) {
+    const transform = `translate(${shifted([at_x, at_y, ...shift])}) rotate(${-heading * 180 / Math.PI})`;
     mark(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform });
   }
-  for (const stop of stops) mark(svg, 'circle', { class: 'stop', cx: x(stop[0]), cy: y(stop[1]), r: 3 });
+  for (const stop of data.stops) mark(svg, 'circle', { class: 'stop', cx: x(stop[0]), cy: y(stop[1]), r: 3 });
   mark(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
   mark(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
 }
@@ -272,8 +273,8 @@ function draw_map() {
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
-    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
-    dots: [...dots, ...stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))],
+    route: [...data.route, ...data.stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+    dots: [...dots, ...data.stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))],
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
@@ -708,7 +709,7 @@ element('failed').hidden = !failure_words.length;
 element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
-element('stops').hidden = !stops.length;
+element('stops').hidden = !data.stops.length;
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;
