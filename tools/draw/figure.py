@@ -110,8 +110,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         skewed = hours[np.abs(low + high - 2 * values) > SKEWED * (high - low)]
         if skewed.size:
             when = clock_time(3600 * skewed[skewed.size // 2])
-            why = f'near {when} they are close, so noise raises most readings'
-            note = f'the highest of several sources:\n{why}'
+            note = f'highest of several sources:\nnear {when} they are close, so noise raises most readings'
         axes.set_title(label_of(name) + '\n' * note.count('\n'), loc='left')
         axes.set_title(note, loc='right', fontsize='small', color='0.4')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}

@@ -134,12 +134,10 @@ def draw_reading(
     for start, end, dashes in ((pose[:2], rim, '-'), (rim, tag[:2], (0, (2, 0.6)))):
         axes.plot(*zip(start, end, strict=True), color=ink, linestyle=dashes, linewidth=3.5, zorder=1.9)
     random.seed(README_SEED)
-    values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
     lines = [f'tag {tag_id}:']
-    lines += [
-        f'{units.name_of(name)} {units.value_text(name, value)} {units.unit_of(name)}'
-        for name, value in values.items()
-    ]
+    for name in tag.sensors:
+        value = greenhouse.value(name, tag[:2], hour, is_noisy=True)
+        lines.append(f'{units.name_of(name)} {units.value_text(name, value)} {units.unit_of(name)}')
     width_m, height_m = max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
     dots = [placing.Box(*each[:2], size.height_m, size.height_m) for each in tags.values()]
     tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]

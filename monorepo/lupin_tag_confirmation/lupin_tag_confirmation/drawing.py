@@ -39,7 +39,6 @@ def draw(
         pen.line([*corners, corners[0]], fill=colour, width=4)
         (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
         border = (bottom - top) / 8  # white, one of the tag's modules wide
-        # Pillow 9.0 has no box of several lines, and textbbox refuses its default font.
         width = max(pen.getfont().getmask(line).size[0] for line in label)
         right, low = width + 2.0 * pad, float(len(label) * row + pad)
         x = max(min(float(left), image.width - right), 0.0)
@@ -58,5 +57,5 @@ def draw(
 def _font(pixels: int) -> Any:
     try:
         return ImageFont.load_default(pixels)
-    except TypeError:  # Pillow 9.0 of Ubuntu 22.04 has one size
+    except TypeError:  # Pillow 9.0 of Ubuntu 22.04 has one size, which textbbox refuses
         return ImageFont.load_default()

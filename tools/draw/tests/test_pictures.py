@@ -115,7 +115,7 @@ def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims(drawn
     assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
     notes = [axes.get_title(loc='right') for axes in drawn['day'].axes]
     assert notes[::2] == ['no noise', '']
-    assert notes[1].startswith('the highest of several sources:\nnear 12:00 they are close')
+    assert notes[1].startswith('highest of several sources:\nnear 12:00 they are close')
     without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
     assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 
@@ -263,17 +263,12 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
 def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_to_it(radius_m):
     greenhouse = simulated.Greenhouse('', '')
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
-    limits = simulated.ViewingLimits(robot_radius_m=radius_m)
-    approaches = simulated.find_approaches(layout, walls, limits)
-    drawing = figure.drawings.draw_route(layout, walls, approaches, greenhouse.route)
-    drawing.canvas.draw()
-    (axes,) = drawing.axes
+    approaches = simulated.find_approaches(layout, walls, simulated.ViewingLimits(robot_radius_m=radius_m))
+    (axes,) = figure.drawings.draw_route(layout, walls, approaches, greenhouse.route).axes
     width = figure.drawings.LEADER_POINTS
     lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == width]
-    for text in (each for each in axes.texts if each.get_text()[:1].isdigit()):
-        if text.get_color() == figure.colours.TAG_ID:
-            continue
-        for number in text.get_text().split(', '):
+    for text in (each for each in axes.texts if each.get_color() != figure.colours.TAG_ID):
+        for number in re.findall(r'\d+', text.get_text()):
             pose, place = approaches.poses[tag_ids[int(number) - 1]], text.get_position()
             ends = [end for start, end in lines if tuple(start) == place]
             if radius_m < 0.2:

@@ -61,17 +61,16 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
 # In the key, as the next two.
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
-SEVEN = r'$\mathbf{7}$'
 ROBOT = (
     point_style('o', f'{colours.ROUTE}30', 18, markeredgewidth=0),
     point_style('o', colours.ROUTE, 10),
     point_style(np.add(DART, (NOSE, 0.0)), colours.ROUTE, 22, markeredgewidth=0),
-    point_style(SEVEN, 'white', 5, markeredgewidth=0),
+    point_style(r'$\mathbf{7}$', 'white', 5, markeredgewidth=0),
 )
 FURTHER = (
     SIGHT,
     point_style('o', 'white', 10, markeredgecolor=colours.ROUTE),
-    point_style(SEVEN, colours.ROUTE, 5, markeredgewidth=0),
+    point_style(r'$\mathbf{7}$', colours.ROUTE, 5, markeredgewidth=0),
 )
 
 
@@ -271,16 +270,15 @@ def draw_route(
     axes.set_ylabel('y (m)')
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
-    sights = {tag_id: (pose[:2], layout.tags[tag_id][:2]) for tag_id, pose in poses.items()}
-    for line in sights.values():
+    stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
+    for _, line in stops:
         axes.plot(*zip(*line, strict=True), **SIGHT, zorder=1.9)
-    stops = [(poses[tag_id], sights[tag_id]) for tag_id in route.tag_ids]
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     digits = DIGITS.times(scale).box(str(len(stops)))
     has_room = math.hypot(*digits) < robot_m
     robots = [Box(*pose[:2], robot_m, robot_m) for pose, _ in stops]
-    points = [(x, y) for path in (*sights.values(), route.points_m) for x, y, _ in steps_of(path, line_m)]
-    lines = [Box(*point, line_m, line_m) for point in points]
+    ways = [route.points_m, *(line for _, line in stops)]
+    lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
     taken = [*lines, *(dot for _, dot, _ in labels)]
     if has_room:
