@@ -34,7 +34,7 @@ class Detection(NamedTuple):
 
     tag_number: int
     hamming: int  # bits that the detector corrected
-    decision_margin: float  # contrast of the bits in grey levels, 0 to 255; 0.0 if unknown
+    decision_margin: float  # contrast of the bits in grey levels, at least 0; 0.0 if unknown
     corners: np.ndarray  # shape (4, 2): x and y in pixels, counter-clockwise from the lower left
 
     def flaw(self, settings: Settings) -> str:
