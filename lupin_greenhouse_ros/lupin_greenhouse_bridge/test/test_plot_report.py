@@ -4,6 +4,7 @@
 import importlib.util
 import itertools
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -136,6 +137,20 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(sh
         step = ticks[1] - ticks[0]
         assert f'{step:.0e}'[0] in '125'
         assert [each / step for each in ticks] == pytest.approx([round(each / step) for each in ticks])
+
+
+def test_no_line_above_or_below_five_wide_panels_is_covered_or_cut(tmp_path):
+    """As saved: then, the layout is not that of a figure that is only drawn."""
+    values = dict(zip(UNITS, (21.0, 50.0, 500.0, 800.0, 0.6), strict=True))
+    report, picture = write_report(tmp_path / 'wide.jsonl', visit('1', **values)), tmp_path / 'wide.svg'
+    assert main([str(report), '--walls', '0', '0', '5', '6', '--output', str(picture)]) == 0
+    drawn = picture.read_text()
+    head, title, foot = (
+        float(re.search(rf'<!-- {text}.* -->\s*<g [^>]*translate\(\S+ (\S+)\)', drawn)[1])
+        for text in ('greenhouse 12', 'temperature', 'wide.jsonl')
+    )
+    assert head < title - 12
+    assert foot < float(re.search(r'viewBox="0 0 \S+ (\S+)"', drawn)[1]) - 5
 
 
 @pytest.mark.parametrize(('count', 'columns'), [(4, 2), (5, 3)])

@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Write the pictures beside the files, or one to --output; return the exit code."""
     parser = command.parser_of(
         'plot_report',
-        'Draw readings into the greenhouse: a picture for each file, all with the same colours.',
+        'Draw the last reading of each tag: a picture for each file, all with the same colours.',
         'picture to write for one FILE, in the format of its ending, such as .svg or .pdf; default: NAME.png'
         ' beside FILE',
     )
@@ -118,7 +118,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
         _draw_readings(axes, sensor, shown, limits[sensor])
     drawn = {line.get_label() for axes in panels for line in axes.lines}
     key = _write_key(figure, empty_cell, shown, drawn)
-    _write_texts(figure, key, path.name, rows, failures, shown)
+    _write_texts(panels[0].title, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
@@ -188,8 +188,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
     _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in {*values, *failed}], shown, UNKNOWN)
-    if ringed:
-        _draw_dots(axes, ringed, shown, EXTREME)
+    _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
     points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, **style)
@@ -227,7 +226,8 @@ def _write_labels(
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
     places = [shown.layout.tags[tag_id][:2] for tag_id in tag_ids]
-    axes.plot([x for x, _ in places], [y for _, y in places], **style, zorder=2)
+    if places:  # a line that is not clipped, for tags on a wall, needs points
+        axes.plot(*zip(*places, strict=True), **style, zorder=2, clip_on=False)
 
 
 def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
@@ -237,7 +237,7 @@ def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
 
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str]) -> Any:
-    """Write what each mark means into an empty cell, or else below the panels; return the lowest artist."""
+    """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
     marks: list[tuple[str, Style]] = [
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
@@ -256,7 +256,7 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     if empty_cell:
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, fontsize=POINTS, **place)
-        return figure.patch
+        return figure.transFigure  # while a picture is saved, figure.patch is larger
     return drawings.write_key(figure, marks, columns=3, fontsize=POINTS)
 
 
@@ -265,9 +265,9 @@ def _time_text(form: str, row: Row) -> str:
 
 
 def _write_texts(
-    figure: Any, key: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
+    title: Any, key: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
 ) -> None:
-    """Write above the panels what was read, what failed and why, and when; and below the key the rest."""
+    """Write above a title what was read, what failed and why, and when; and below the key the rest."""
     drawn = sorted(
         (row for each in shown.readings.values() for row in each.values()), key=lambda r: r.stamp_ns
     )
@@ -279,10 +279,10 @@ def _write_texts(
         (f'{len(shown.readings)} of {len(shown.layout.tags)} tags read', 'black'),
         *((f'{count} {word}', colours.FAILED) for word, count in summary.failure_counts(failures).items()),
     ]
-    width = figure.get_figwidth() * CHARACTERS
-    title = _time_text('Greenhouse readings, %d %b %Y', last)
+    width = title.figure.get_figwidth() * CHARACTERS
+    day = _time_text('Greenhouse readings, %d %b %Y', last)
     lines = _lines_of(headline, width, {'fontsize': 15, 'fontweight': 'bold'})
-    lines += _lines_of([(title, 'black')], width, {'fontsize': 12, 'fontweight': 'bold'})
+    lines += _lines_of([(day, 'black')], width, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         told = f'{word}:' if reason else word
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
@@ -293,20 +293,20 @@ def _write_texts(
             lines += _lines_of([each for each in pieces if each[0]], width, {'fontsize': 11}, dot='')
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
     lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 11})
-    above = 12 / 72 / figure.get_figheight()
-    _write_lines(figure, lines, (0.0, 1.0 + above), figure.transFigure, (0, 0))
+    _write_lines(title, lines, title, 1.0, 12)
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
     rest = [summary.SEVERAL_TIMES * has_times, summary.speed_text(rows), escaped(name, 64)]
     lines = _lines_of([(text, '0.35') for text in rest if text], width, {'fontsize': 9})
-    _write_lines(figure, lines, (0.0, 0.0), (figure.transFigure, key), (0, 1.2))
+    _write_lines(title, lines, key, 0.0, -8)
 
 
-def _write_lines(figure: Any, lines: list[Any], place: Point, of: Any, corner: tuple[float, float]) -> None:
-    """Write lines below each other, with a corner of them at a place."""
+def _write_lines(title: Any, lines: list[Any], of: Any, height: float, above: float) -> None:
+    """Write lines below each other, points above (or below, if negative) a height of an artist."""
     from matplotlib.offsetbox import AnnotationBbox, VPacker
 
-    at: Style = {'xycoords': of, 'box_alignment': corner, 'frameon': False, 'pad': 0}
-    figure.add_artist(AnnotationBbox(VPacker(children=lines, align='left', pad=0, sep=4), place, **at))
+    block, where = VPacker(children=lines, align='left', pad=0, sep=4), (title.figure.transFigure, of)
+    at: Style = {'box_alignment': (0, above < 0), 'frameon': False, 'pad': 0, 'boxcoords': 'offset points'}
+    title.figure.add_artist(AnnotationBbox(block, (0.0, height), (0.0, above), xycoords=where, **at))
 
 
 def _lines_of(parts: list[tuple[str, str]], width: float, style: Style, dot: str = '·') -> list[Any]:
