@@ -17,7 +17,7 @@ const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, an
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
-const CROWD = 200;  // boxes near a dot
+const CROWD = 200;  // boxes near a dot, or labels
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
 const WALL_STEPS_MS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
@@ -81,6 +81,7 @@ const write = (svg, x, y, text, anchor, name = 'muted') =>
 const path_of = points => `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
 const cross_at = (x, y, arm) => `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
 const width_of = text => pen.measureText(text).width;
+const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
@@ -102,7 +103,6 @@ const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(ta
 // The head
 
 function write_head() {
-  const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
   const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
   const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
@@ -155,17 +155,23 @@ const around = (x, y, width, height) => [x - width / 2, y - height / 2, x + widt
 const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0)
   * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
 
+const wide = ([left, top, right, bottom]) => [left - SPACE, top + 4, right + SPACE, bottom - 4];
+const parts = ({ box, leader }) => [box, ...leader];
+
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
-// this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, and may
-// be nearer to another of the `dots`.
-function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
+// this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, may
+// be nearer to another of the `dots`, and may lie where other labels are planned, which `weight` makes dear.
+function place_label({ x, y, radius, width }, { taken, room, route, dots = [], plans = new Map() }, weight = 25) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
   const ring = (dx, dy) =>
     [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...[[0.5, -1], [1, 0.75], [1, 0.4]].flatMap(at => mirrored(at, dx, dy))];
   const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
-  const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
-  const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
+  const planned = [...plans.values()];
+  const [boxes, steps, others] = [taken, [...route, ...planned.map(({ box }) => wide(box))], planned.flatMap(parts)]
+    .map(each => each.filter(box => common(reach, box) > 0));
+  const shared_by = (place, all) =>
+    parts(place).reduce((sum, box) => all.reduce((more, other) => more + common(box, other), sum), 0);
   const rings = boxes.length > CROWD ? 1 : FARTHEST;
   const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)) && (dot.x !== x || dot.y !== y));
   const gap = ([left, top, right, bottom], dot) =>
@@ -175,13 +181,13 @@ function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
     ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
       const box = around(x + dx, y + dy, width, TEXT_HEIGHT), outside = area - common(box, room);
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
-      const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
-      const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
+      const place = { box, leader }, covered = outside + shared_by(place, boxes);
+      const nearer = near.filter(dot => gap(box, dot) < gap(box, { x, y })), is_misread = nearer.length > 0;
+      const is_at_stop = nearer.some(dot => !dot.outer);
       const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
-      const across = [box, ...leader].reduce((sum, each) => sum + shared_with(each, steps), 0);
-      const cost = 9999 * (covered > 1) + 99 * covered + 9 * across
-        + (0.2 * far + 0.3 * is_misread + 0.18 * is_close + 0.01 * number) * area;
-      if (cost < best.cost) best = { cost, box, covered, leader, has_leader: far > 0 || is_misread };
+      const cost = 9999 * (covered > 1) + 99 * covered + 9 * shared_by(place, steps) + weight * shared_by(place, others)
+        + (0.2 * far + 0.8 * is_misread + 0.6 * is_at_stop + 0.18 * is_close + 0.01 * number) * area;
+      if (cost < best.cost) best = { ...place, cost, covered, has_leader: far > 0 || is_misread };
     });
   }
   return best;
@@ -200,13 +206,26 @@ const write_in = (parent, [left, , right, bottom], name, text = '') =>
 const draw_leader = (parent, x1, y1, x2, y2) =>
   parent.prepend(mark(parent, 'line', { class: 'leader', x1, y1, x2, y2 }));
 
+// Plans the places of labels several times, so that one gives way to another that has fewer places.
+function plan_labels(labels, boxes) {
+  boxes.plans = new Map();
+  for (const weight of labels.length > CROWD ? [] : [1, 5, 25]) {
+    for (const label of labels) {
+      boxes.plans.delete(label);
+      boxes.plans.set(label, place_label(label, boxes, weight));
+    }
+  }
+}
+
 // Labels a dot, and returns its text. A label without a free place is shown if its tag is chosen.
-function label_dot(group, x, y, radius, width, boxes, name, text) {
-  const { box, covered, leader, has_leader } = place_label(x, y, radius, width, boxes), is_spare = covered > 1;
+function label_dot(group, label, boxes, name, text) {
+  boxes.plans.delete(label);
+  const place = place_label(label, boxes), { box, covered, has_leader } = place, is_spare = covered > 1;
+  const { x, y, radius } = label;
   if (!is_spare) {
-    boxes.taken.push(box, ...leader);
+    boxes.taken.push(...parts(place));
+    boxes.route.push(wide(box));  // no other label, if it can
     const [left, top, right, bottom] = box;
-    boxes.route.push([left - SPACE, top + 4, right + SPACE, bottom - 4]);  // no other label, if it can
     const dx = clamp(x, left, right) - x, dy = clamp(y, top, bottom) - y, share = 1 - GAP / Math.hypot(dx, dy);
     const is_long_enough = share * Math.hypot(dx, dy) - radius >= SHORTEST_LEADER;
     if (has_leader && is_long_enough) draw_leader(group, x, y, x + share * dx, y + share * dy);
@@ -270,7 +289,9 @@ function draw_map() {
   const dots = placed_tags.map(tag => {
     const value = tag.values[number] ?? null, is_large = tag.has_failed || value !== null;
     const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme(sensor, tag) ? 3 : 0);
-    return { tag, value, x: frame.x(tag.x), y: frame.y(tag.y), radius, outer, urgency: is_large + tag.has_failed };
+    const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
+    const label = { x: frame.x(tag.x), y: frame.y(tag.y), radius: outer, width };
+    return { ...label, label, text, tag, value, radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
@@ -278,7 +299,7 @@ function draw_map() {
     dots: [...dots, ...data.stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))],
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
-    const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
+    const { box } = place_label({ x: frame.x(x), y: frame.y(y), radius: 5, width: width_of(word) + 16 }, boxes);
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
   }
@@ -286,6 +307,7 @@ function draw_map() {
   const crowd = dot => boxes.route.filter(box => common(around(dot.x, dot.y, 66, 40), box) > 0).length;
   const crowds = new Map(dots.map(dot => [dot, crowd(dot)]));
   dots.sort((one, other) => other.urgency - one.urgency || crowds.get(other) - crowds.get(one));
+  plan_labels(dots.map(({ label }) => label), boxes);
   for (const dot of dots) draw_tag(svg, dot, boxes);
   const unlabelled = svg.querySelectorAll('.spare').length;
   element('unlabelled').textContent = unlabelled ? `${unlabelled} ${NO_ROOM}` : '';
@@ -295,7 +317,7 @@ function draw_map() {
   show_chosen();
 }
 
-function draw_tag(svg, { tag, value, x, y, radius, outer, urgency }, boxes) {
+function draw_tag(svg, { tag, value, x, y, radius, outer, urgency, label, text }, boxes) {
   const name = tag.has_failed ? 'failed' : '';
   const group = mark(svg, 'a', { class: name, href: address(tag.id), 'data-tag': tag.id, tabindex: -1 });
   const circle = (className, r, more) => mark(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
@@ -305,10 +327,9 @@ function draw_tag(svg, { tag, value, x, y, radius, outer, urgency }, boxes) {
   if (value === null) circle('dot empty', radius);
   else circle('dot value', radius, filled(data.sensors[state.sensor].colours[tag.number]));
   if (tag.has_failed) mark(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
-  const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
-  const label = label_dot(group, x, y, outer, width, boxes, urgency ? 'halo' : 'muted halo');
-  mark(label, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
-  if (text) mark(label, 'tspan', {}, text);
+  const written = label_dot(group, label, boxes, urgency ? 'halo' : 'muted halo');
+  mark(written, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
+  if (text) mark(written, 'tspan', {}, text);
 }
 
 function label_of(tag, value) {
@@ -381,10 +402,12 @@ const facts_of = tag => [
 
 // What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
 const is_over_days = dates_in_table.length > 1;
+const is_table_narrow = data.sensors.length > 5;
 const columns = [
   { name: 'tag', key: tag => tag.number },
   ...data.sensors.map((sensor, n) => ({
-    name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
+    name: is_table_narrow ? sensor.name : whole(sensor.name), unit: sensor.unit, key: tag => tag.values[n],
+    text: value => value.toFixed(sensor.decimals),
   })),
   ...last_stamps.at(-1) - last_stamps[0] < ONE_TIME_MS ? [] : [{
     name: 'time', is_aside: true, unit: is_one_day || is_over_days ? '' : dates_in_table.join(),
@@ -480,7 +503,7 @@ function day_span() {
 function time_axis(width) {
   const is_wall = state.clock === 'wall', [first, last] = is_wall ? data.span_ms : day_span();
   const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 48), 1);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
   const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
   const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
@@ -522,7 +545,8 @@ function draw_charts() {
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
-  element('series').textContent = `Each ${line}${bold}${hint}${axis}.`;
+  const beside_others = document.querySelector('.beside') ? '; points side by side: at the same time' : '';
+  element('series').textContent = `Each ${line}${bold}${beside_others}${hint}${axis}.`;
   show_chosen();
 }
 
@@ -547,10 +571,11 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
       const at = times.ms_of(offset);
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     }).sort((one, other) => one.at - other.at);
-    if (points.length === 1) {  // beside those at its place
-      const [point] = points, { length } = lone.filter(p => Math.hypot(p.x - point.x, p.y - point.y) < 3);
+    if (points.length === 1) {  // beside those that it would cover
+      const [point] = points, { length } = lone.filter(p => Math.abs(p.x - point.x) < 3 && Math.abs(p.y - point.y) < 6);
       lone.push({ ...point });
       point.x += 6 * length;
+      if (length) svg.classList.add('beside');
     }
     const is_bold = is_marked(sensor, tag);
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
@@ -629,9 +654,11 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
     if (!is_spare) draw_leader(end.group, end.x + 2, end.y, left - 3, y);
     write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
-  for (const { group, text, is_bold, points: [{ x, y }, ...more] } of lines) {
-    if (!more.length) label_dot(group, x, y, is_bold ? 4 : 1, width_of(text), { taken, room, route }, 'halo', text);
-  }
+  const boxes = { taken, room, route };
+  const lone = lines.filter(({ points }) => points.length === 1).map(({ group, text, is_bold, points: [{ x, y }] }) =>
+    ({ group, text, label: { x, y, radius: is_bold ? 4 : 1, width: width_of(text) } }));
+  plan_labels(lone.map(({ label }) => label), boxes);
+  for (const { group, text, label } of lone) label_dot(group, label, boxes, 'halo', text);
 }
 
 function readout_of(sensor, point) {
