@@ -101,6 +101,7 @@ def change_database(path, *statements):
             connection.execute(statement)
 
 
+COLUMNS = len(Row._fields)
 OLD_TABLE = store_module._TABLE.replace('sensor, value)', 'sensor)')
 
 
@@ -405,7 +406,7 @@ def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_p
     assert (len(read_rows(csv_path)), capsys.readouterr().err) == (2, '')
     csv_path.write_text(f'{HEADER}\n{whole}{torn}\n{torn}\n{whole}{torn}', encoding='utf-8')
     assert len(read_rows(csv_path)) == 2
-    told = 'left out 2 lines with fewer values than the 10 of the header, first line 3'
+    told = f'left out 2 lines with fewer values than the {COLUMNS} of the header, first line 3'
     assert capsys.readouterr().err == f'{csv_path}: {told}\n'
 
 
@@ -415,7 +416,7 @@ def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_p
         (None, 'No such file'),
         ('', 'empty'),
         ('dear diary\n', f'not a file of readings, which is SQLite or CSV with the header {HEADER}'),
-        (f'{HEADER}\n{HEADER},more\n', 'line 2: 11 values in place of 10'),
+        (f'{HEADER}\n{HEADER},more\n', f'line 2: {COLUMNS + 1} values in place of {COLUMNS}'),
         (in_columns(Row._fields).encode('latin-1'), rf"is '\udcfcnits': {NO_UTF_8}"),
         (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation (it is not JSON)'),
         ('{"tag_id": "7"}\n', "line 1 is not an observation ('outcome' is missing)"),
@@ -430,7 +431,7 @@ def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_p
         (b'SQLite format 3\0' + bytes(5000), 'file is not a database'),
         (in_columns(Row._fields[1:]), 'its header lacks stamp_ns: name a file'),
         (in_columns(Row._fields, stamp_ns=ROUNDED, stamp_utc=str.lower), "to '1.79519E+18': "),
-        (in_columns(Row._fields).replace('source', 'source,', 1), 'no line has 11 values, as the header'),
+        (in_columns(Row._fields).replace('source', 'source,', 1), f'no line has {COLUMNS + 1} values, as'),
     ],
 )
 def test_any_other_file_is_one_line_of_error(csv_path, content, reason):
