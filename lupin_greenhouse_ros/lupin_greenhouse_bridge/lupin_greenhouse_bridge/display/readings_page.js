@@ -81,7 +81,6 @@ const write = (svg, x, y, text, anchor, name = 'muted') =>
 const path_of = points => `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
 const cross_at = (x, y, arm) => `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
 const width_of = text => pen.measureText(text).width;
-const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
@@ -103,6 +102,7 @@ const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(ta
 // The head
 
 function write_head() {
+  const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
   const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
   const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
@@ -402,12 +402,10 @@ const facts_of = tag => [
 
 // What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
 const is_over_days = dates_in_table.length > 1;
-const is_table_narrow = data.sensors.length > 5;
 const columns = [
   { name: 'tag', key: tag => tag.number },
   ...data.sensors.map((sensor, n) => ({
-    name: is_table_narrow ? sensor.name : whole(sensor.name), unit: sensor.unit, key: tag => tag.values[n],
-    text: value => value.toFixed(sensor.decimals),
+    name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
   })),
   ...last_stamps.at(-1) - last_stamps[0] < ONE_TIME_MS ? [] : [{
     name: 'time', is_aside: true, unit: is_one_day || is_over_days ? '' : dates_in_table.join(),
@@ -415,7 +413,7 @@ const columns = [
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   }],
   ...data.is_of_several_times ? [{
-    name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'in the greenhouse', key: tag => tag.time_of_day,
+    name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'greenhouse', key: tag => tag.time_of_day,
     text: day_time,
   }] : [],
   ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
@@ -443,7 +441,7 @@ function write_table() {
   head.firstChild.ariaSort = 'ascending';
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
   element('aside').hidden = asides.length !== 1;
-  if (asides.length === 1) element('aside').lastChild.textContent = `${asides[0].name} ${asides[0].unit ?? ''}`;
+  if (asides.length === 1) element('aside').lastChild.textContent = [asides[0].name, asides[0].unit].filter(Boolean).join(', ');
   table.classList.toggle('timed', asides.length === 1 && !is_over_days);  // a phone shows it on the first line
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
@@ -545,8 +543,8 @@ function draw_charts() {
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
-  const beside_others = document.querySelector('.beside') ? '; points side by side: at the same time' : '';
-  element('series').textContent = `Each ${line}${bold}${beside_others}${hint}${axis}.`;
+  const beside_others = document.querySelector('.beside') ? '; side by side: same time' : '';
+  element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
   show_chosen();
 }
 
@@ -717,8 +715,16 @@ for (const each of document.querySelectorAll('[name=clock]')) {
   });
 }
 
+// Names of two words take two lines in the head of the table only if they must.
+function fit_table() {
+  const table = document.querySelector('table'), frame = table.parentNode;
+  table.classList.remove('narrow');
+  table.classList.toggle('narrow', frame.scrollWidth > frame.clientWidth);
+}
+
 function draw_all(is_printed = false) {
   state.is_printed = is_printed;
+  fit_table();
   draw_map();
   draw_charts();
 }
@@ -746,6 +752,7 @@ if (files.length > 1) write_differences();
 write_head();
 page_style.setProperty('--title', JSON.stringify(element('title').textContent));
 write_table();
+fit_table();
 data.sensors.forEach(draw_tab);
 if (data.sensors.length) pick(0);
 else draw_map();

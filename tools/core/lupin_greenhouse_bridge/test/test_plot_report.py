@@ -90,13 +90,13 @@ def test_what_is_the_same_is_told_once(drawn):
     assert not any(each.get_markersize() == 13 for each in figure.axes[0].lines)
 
 
-def test_each_panel_has_the_tags_without_a_value_in_the_order_of_the_layout_and_the_cross_of_a_failed_one(
+def test_each_panel_has_the_unread_tags_in_the_order_of_the_layout_and_the_cross_of_a_failed_one(
     report, drawn, shipped_tags
 ):
     figure = drawn(file=report)
     ways, temperature, _ = (axes for axes in figure.axes if axes.lines)
     for axes in (ways, temperature):
-        (dots,) = (line for line in axes.lines if line.get_color() == '0.75')
+        (dots,) = (line for line in axes.lines if line.get_markerfacecolor() == 'white')
         left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in {'1', '5', '7'}]
         assert list(zip(*dots.get_data(), strict=True)) == left
     place = [[shipped_tags['7']['x'], shipped_tags['7']['y']]]

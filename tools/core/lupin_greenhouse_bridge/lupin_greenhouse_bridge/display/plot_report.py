@@ -38,7 +38,8 @@ MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
 LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.07, 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)
 POINTS = 9.0  # of the labels and the key
 STOP = point_style('o', colours.ROUTE, 3.5)
-READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
+READ = point_style('o', '0.5', 4.5)
+UNREAD = READ | {'markerfacecolor': 'white'}
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 MOST_NAMED = 30  # tags in a line of failures
@@ -127,7 +128,7 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], A
     columns = -(-count // rows)
     width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 1.6))
+    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 2.0))
     gap = {'hspace': 0.07}  # between a scale of colours and the title below it
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False, gridspec_kw=gap)
     for axes in grid.flat[:count]:
@@ -145,9 +146,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
     _write_title(axes, 'route' if route else 'tags read or not', more)
-    _draw_dots(axes, [tag_id for tag_id in tags if tag_id in shown.readings], shown, READ)
-    others = [tag_id for tag_id in tags if tag_id not in shown.readings and tag_id not in failed]
-    _draw_dots(axes, others, shown, UNKNOWN)
+    _draw_others(axes, shown, {*failed})
     if route:
         lanes, at_ends = lanes_of(route), (route[0], route[-1])
         stops = [each for each in stops_of(route) if each not in at_ends]
@@ -169,7 +168,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
     taken = [*dots.values(), *way]
-    taken += _write_labels(axes, labels, [*taken, *tables], shown, weight='bold')
+    taken += _write_labels(axes, labels, [*taken, *tables], shown)
     downwards = sorted(dots.items(), key=lambda each: -each[1].y)
     ids = [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
     _write_labels(axes, ids, taken, shown)
@@ -185,8 +184,10 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
-    _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
-    _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in {*values, *failed}], shown, UNKNOWN)
+    read = len(shown.readings)
+    counts = [f'{len(values)} of {read} read tags have it'] * (len(values) < read)
+    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]))
+    _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
@@ -200,15 +201,15 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
-    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
+    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend, label=label_of(sensor))
     _draw_crosses(axes, shown, failed)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
-    """Write a title, and below it up to two small lines, which must not move the colour bar."""
-    axes.set_title(title, fontsize=12, pad=32)
+    """Write a title, and below it up to three small lines, which must not move the colour bar."""
+    axes.set_title(title, fontsize=12, pad=44)
     style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 9}
-    axes.annotate(more, (0.5, 1), (0, 25), ha='center', va='top', **style).set_in_layout(False)
+    axes.annotate(more, (0.5, 1), (0, 37), ha='center', va='top', **style).set_in_layout(False)
 
 
 def _write_labels(
@@ -221,6 +222,13 @@ def _write_labels(
     outline = [withStroke(linewidth=2, foreground='white')]
     style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4, **more}
     return drawings.write_labels(axes, labels, size, taken, bounds, **style)
+
+
+def _draw_others(axes: Any, shown: Greenhouse, but: set[str]) -> None:
+    """Draw the tags but these, alike in all panels: filled if they were read."""
+    tag_ids = [tag_id for tag_id in shown.layout.tags if tag_id not in but]
+    _draw_dots(axes, [each for each in tag_ids if each in shown.readings], shown, READ)
+    _draw_dots(axes, [each for each in tag_ids if each not in shown.readings], shown, UNREAD)
 
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
@@ -241,10 +249,10 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([(RINGS, EXTREME)] if RINGS in drawn else []),
-        ('tag without a value', UNKNOWN),
+        ('tag that was read', READ),
     ]
-    if shown.route or shown.failed:
-        marks.append(('tag that was read', READ))
+    if {*shown.layout.tags} - {*shown.readings, *shown.failed}:
+        marks.append(('tag without a reading', UNREAD))
     if words := set(shown.failed.values()):
         word = f': {min(words)}' if len(words) == 1 else ''
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
