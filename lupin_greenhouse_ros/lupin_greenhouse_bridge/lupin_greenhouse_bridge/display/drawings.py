@@ -12,16 +12,13 @@ import numpy as np
 
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
-    ARROW_EVERY_M,
     END_M,
     PATH_WIDTH_M,
     Box,
     Point,
-    arrows_along,
     arrows_between,
     box_of,
     ends_of_path,
-    length_m,
     overlaps,
     place_labels,
     steps_of,
@@ -44,7 +41,6 @@ VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 NOSE, NEAREST_NOSE = 0.9, 0.6  # of the robot: where its nose is, in radii
 DART = (0.38, 0.0), (-0.3, 0.26), (-0.18, 0.0), (-0.3, -0.26)  # the corners of the nose, in radii
-MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -207,13 +203,12 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
     return axes.figure.colorbar(values, cax=place, **more, **style)
 
 
-def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box] = ()) -> None:
-    """Draw a path from a circle to a square, with its marks and arrows where none of these stops is."""
+def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box]) -> None:
+    """Draw a path from a circle to a square, with its marks and an arrow between two stops."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=1.2, zorder=1.5)
     head = '-|>,head_width=0.15,head_length=0.5'
     style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
-    every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
-    for x, y, heading in arrows_between(points, stops) if stops else arrows_along(points, every_m):
+    for x, y, heading in arrows_between(points, stops):
         tip = x + 0.03 * math.cos(heading), y + 0.03 * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
     middles = [each[:2] for each in stops]

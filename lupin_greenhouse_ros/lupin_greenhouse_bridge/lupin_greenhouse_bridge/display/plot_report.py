@@ -12,21 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from lupin_greenhouse_bridge.display import colours, drawings, summary
+from lupin_greenhouse_bridge.display import colours, drawings, placing, summary
 from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from lupin_greenhouse_bridge.display.drawings import LabelSize, Style, point_style
-from lupin_greenhouse_bridge.display.placing import (
-    ARROW_M,
-    Box,
-    Point,
-    box_of,
-    ends_of_path,
-    lanes_of,
-    length_m,
-    steps_of,
-    stops_of,
-)
+from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
@@ -149,11 +139,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     _write_title(axes, 'route' if route else 'tags read or not', more)
     _draw_others(axes, shown, {*failed})
     if route:
-        lanes, at_ends = lanes_of(route), (route[0], route[-1])
-        stops = [each for each in stops_of(route) if each not in at_ends]
-        boxes = [Box(*each, ARROW_M, ARROW_M) for each in stops]
-        drawings.draw_path(axes, (lanes[:, :2] + shown.scale * LANE_M * lanes[:, 3:]).tolist(), boxes)
-        axes.plot(*np.reshape(stops, (-1, 2)).T, **STOP, zorder=1.7)
+        lanes = placing.lanes_of(route)
+        points = (lanes[:, :2] + shown.scale * LANE_M * lanes[:, 3:]).tolist()
+        drawings.draw_path(axes, points, placing.marks_of(route))
+        axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     gap_m = shown.scale * GAP_M
     sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
@@ -259,7 +248,7 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
     if shown.route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
-    if stops_of(shown.route):
+    if placing.stops_of(shown.route):
         marks.append(('stop', STOP))
     if empty_cell:
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}

@@ -12,7 +12,8 @@ from scipy.spatial import KDTree
 
 from lupin_greenhouse_bridge.planning.walls import Walls
 
-ARROW_EVERY_M, ARROW_M = 0.8, 0.22
+ARROW_M = 0.22
+ARROW_EVERY, MOST_ARROWS = 4, 200  # along a path without stops: in lengths of an arrow
 # Parts of a path that are as close and as parallel (as a sine) lie beside each other; and its steps at most.
 SHARED_M, PARALLEL, MOST_STEPS = 0.06, 0.3, 1000
 SMOOTHED = 9  # steps
@@ -98,18 +99,6 @@ def steps_of(points: Sequence[Point], every_m: float) -> Iterator[tuple[float, f
         rest = at - leg_m
 
 
-def arrows_along(points: Sequence[Point], every_m: float = ARROW_EVERY_M) -> list[tuple[float, float, float]]:
-    """Return x, y and heading of arrows along a path, where no other arrow is."""
-    arrows: list[tuple[float, float, float]] = []
-    last = points[0] if points else (0.0, 0.0)  # a mark is at the start
-    for x, y, heading in steps_of(points, every_m / 8):
-        is_free = all(math.dist((x, y), each[:2]) >= (ARROW_M + PATH_WIDTH_M) / 2 for each in arrows)
-        if is_free and math.dist((x, y), last) > every_m:
-            arrows.append((x, y, heading))
-            last = x, y
-    return arrows
-
-
 def arrows_between(
     points: Sequence[Point], stops: Sequence[Box], arrow_m: float = ARROW_M
 ) -> list[tuple[float, float, float]]:
@@ -132,6 +121,13 @@ def arrows_between(
 def stops_of(points: Sequence[Point]) -> list[Point]:
     """Return where a robot stood on its path: the points that are there twice in a row."""
     return list(dict.fromkeys(here for here, there in itertools.pairwise(points) if here == there))
+
+
+def marks_of(points: Sequence[Point], arrow_m: float = ARROW_M) -> list[Box]:
+    """Return the boxes between which a path has arrows: its stops, or even distances if it has none."""
+    every_m = max(ARROW_EVERY * arrow_m, length_m(points) / MOST_ARROWS)
+    places = stops_of(points) or [(x, y) for x, y, _ in steps_of(points, every_m)]
+    return [Box(*place, arrow_m, arrow_m) for place in places]
 
 
 def lanes_of(points: Sequence[Point]) -> np.ndarray:

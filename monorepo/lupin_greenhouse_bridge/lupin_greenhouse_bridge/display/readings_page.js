@@ -303,10 +303,7 @@ function draw_map() {
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
   }
-  // Of labels that are equally urgent, the first are those beside the route, which have the least room.
-  const crowd = dot => boxes.route.filter(box => common(around(dot.x, dot.y, 66, 40), box) > 0).length;
-  const crowds = new Map(dots.map(dot => [dot, crowd(dot)]));
-  dots.sort((one, other) => other.urgency - one.urgency || crowds.get(other) - crowds.get(one));
+  dots.sort((one, other) => other.urgency - one.urgency);
   plan_labels(dots.map(({ label }) => label), boxes);
   for (const dot of dots) draw_tag(svg, dot, boxes);
   const unlabelled = svg.querySelectorAll('.spare').length;
@@ -441,7 +438,8 @@ function write_table() {
   head.firstChild.ariaSort = 'ascending';
   choice.addEventListener('change', () => choice.selectedOptions[0].sort());
   element('aside').hidden = asides.length !== 1;
-  if (asides.length === 1) element('aside').lastChild.textContent = [asides[0].name, asides[0].unit].filter(Boolean).join(', ');
+  const [{ name, unit } = {}] = asides;
+  element('aside').lastChild.textContent = [name, unit].filter(Boolean).join(', ');
   table.classList.toggle('timed', asides.length === 1 && !is_over_days);  // a phone shows it on the first line
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));

@@ -232,19 +232,14 @@ def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
     """Return the line, the arrows and the stops of a route in metres: each point with its shift."""
     if len(route) < 2:
         return {'route': [], 'arrows': [], 'stops': [], 'route_ends': {}}
-    stops = placing.stops_of(route)
     arrow_m = max(placing.ARROW_M, (walls.y1 - walls.y0) / ARROWS_ACROSS)
-    if stops:
-        boxes = [placing.Box(*stop, arrow_m, arrow_m) for stop in stops]
-        arrows = placing.arrows_between(route, boxes, arrow_m)
-    else:
-        arrows = placing.arrows_along(route, max(placing.ARROW_EVERY_M, 4 * arrow_m))
+    arrows = placing.arrows_between(route, placing.marks_of(route, arrow_m), arrow_m)
     lanes = placing.lanes_of(route)
     nearest = [np.abs(lanes[:, :3] - each).sum(axis=1).argmin() for each in arrows]
     return {
         'route': [row[:2] + row[3:] if any(row[3:]) else row[:2] for row in lanes.round(3).tolist()],
         'arrows': lanes[nearest].round(3).tolist(),
-        'stops': stops,
+        'stops': placing.stops_of(route),
         'route_ends': {word: (box.x, box.y) for word, box in placing.ends_of_path(route).items()},
     }
 
