@@ -63,29 +63,20 @@ def test_check_finds_and_generate_mends_a_changed_tree(repository, name, change,
     assert run(repository, '--check') == 0
 
 
-@pytest.mark.parametrize('tree', TREES)
-def test_an_unknown_file_is_kept_until_it_is_pruned(repository, tree, capsys):
-    own = repository / tree / BRIDGE / 'own_experiment.py'
-    own.write_text('a day of work')
-    edit(repository / SETTINGS, '86400.0', '86401.0')  # there is something to write
-    error = refusal(repository, capsys)
-    assert 'nothing was written' in error
-    assert error.endswith(
-        f'make generate ARGS=--prune\n{tree}/{BRIDGE}/own_experiment.py: is not from the core\n'
-    )
-    assert run(repository, '--prune') == 0
-    assert not own.exists()
-    assert run(repository, '--check') == 0
-
-
 @pytest.mark.parametrize(('tree', 'is_staged'), [(TREES[0], False), (TREES[1], True)])
-def test_an_edit_of_a_generated_file_is_kept_until_it_is_forced(repository, tree, is_staged, capsys):
-    path = f'{tree}/{BRIDGE}/units.py'
+def test_an_unknown_file_and_an_edit_are_kept_until_an_option_gives_them_up(
+    repository, tree, is_staged, capsys
+):
+    own, path = f'{tree}/{BRIDGE}/own_experiment.py', f'{tree}/{BRIDGE}/units.py'
+    edit(repository / own, '', 'a day of work')
     edit(repository / path, '', 'x = 1\n')
     if is_staged:
         git(repository, 'add', '--all')
-    edit(repository / SETTINGS, '86400.0', '86401.0')
-    first, *diff = refusal(repository, capsys).splitlines()
+    edit(repository / SETTINGS, '86400.0', '86401.0')  # there is something to write
+    error = refusal(repository, capsys)
+    assert 'nothing was written' in error
+    assert error.endswith(f'make generate ARGS=--prune\n{own}: is not from the core\n')
+    first, *diff = refusal(repository, capsys, '--prune').splitlines()
     assert first == (
         'generate: nothing was written. Somebody has edited what is generated. Make this edit in tools/core'
         ' (of the address, in tools/twins.toml); to drop it: make generate ARGS=--force'
@@ -93,6 +84,7 @@ def test_an_edit_of_a_generated_file_is_kept_until_it_is_forced(repository, tree
     assert [line for line in diff if line.startswith(('+', '-'))] == [
         f'--- {path} (generated)', f'+++ {path} (in the tree)', '+x = 1'
     ]  # fmt: skip
+    (repository / own).unlink()
     assert run(repository, '--force') == 0
     assert run(repository, '--check') == 0
 
