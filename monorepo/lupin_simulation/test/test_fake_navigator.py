@@ -4,7 +4,6 @@ import gc
 import importlib.util
 import math
 import sys
-import threading
 from types import SimpleNamespace
 
 import pytest
@@ -49,9 +48,7 @@ ACTIONS = ('NavigateToPose', 'NavigateToPoseIron', 'NavigateToPoseHumble')
 
 
 def result_of(future):
-    done = threading.Event()
-    future.add_done_callback(lambda _future: done.set())
-    assert done.wait(PATIENCE_SECONDS), 'no reply'
+    wait_until(future.done)
     return future.result()
 
 

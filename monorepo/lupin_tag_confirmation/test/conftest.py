@@ -3,7 +3,6 @@
 import io
 import threading
 
-import hypothesis
 import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
@@ -17,12 +16,6 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
-# No test may depend on the speed of the machine.
-hypothesis.settings.register_profile(
-    'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
-)
-hypothesis.settings.load_profile('unhurried')
-
 PATIENCE_SECONDS = 30.0
 # The tags with these numbers, with their black borders: 8 x 8 modules of one bit.
 MODULES = {7: '0014703a14301000', 8: '005a2e7c706a0800'}

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lupin_tag_confirmation.images import (
     ENCODINGS,
@@ -21,6 +21,8 @@ from lupin_tag_confirmation.images import (
 from PIL import Image
 
 
+# Whatever the speed of the machine.
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     encoding=st.sampled_from(sorted(ENCODINGS)),
     height=st.integers(SMALLEST_SIDE_PIXELS, 24),
