@@ -61,13 +61,10 @@ ONE_TEXT = pairs('#map a > text', '#map a > text', -12, 4)  # two labels on a li
 # Each label of the map, or the tag of a line to one, that the route runs through.
 ON_ROUTE = """
 [...document.querySelectorAll('#map text.halo, #map .leader')].filter(each => {
-    const route = document.querySelector('#map .route'), to_screen = each.getScreenCTM();
-    const points = path => Array.from({ length: path.getTotalLength() }, (_, at) => path.getPointAtLength(at))
-        .map(point => point.matrixTransform(to_screen));
-    const { left, right, top, bottom } = each.getBoundingClientRect();
-    const line = each.localName === 'line' && points(each);
-    return points(route).some(({ x, y }) => line ? line.some(at => Math.hypot(at.x - x, at.y - y) < 1)
-        : x > left && x < right && y > top + 3 && y < bottom - 3);
+    const route = document.querySelector('#map .route'), { x, y, width, height } = each.getBBox();
+    const points = path => Array.from({ length: path.getTotalLength() }, (_, n) => path.getPointAtLength(n));
+    return each.localName === 'line' ? points(each).some(point => route.isPointInStroke(point))
+        : points(route).some(at => at.x > x && at.x < x + width && at.y > y + 3 && at.y < y + height - 3);
 }).map(each => each.textContent || each.parentNode.dataset.tag)
 """
 RUN_TOGETHER = pairs('.series text', '.series text', -3, 4)
@@ -407,11 +404,11 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
     report.write_text(report.read_text(encoding='utf-8').replace('"attempts": 1', '"attempts": 2', 9))
     route = report.with_name('report-route.csv')
     way = [(3, 6)] * 2 + [(1.8, 5.4)] * 2 + [(1.6, 4.1)] + [(0.8, 4)] * 2 + [(1.6, 4.1)] + [(2, 4.5)] * 2
-    lines = [f'{x},{y}' for x, y in ('xy', (0.5, 0.5), *way, (0.5, 0.5))]
-    route.write_text('\n'.join(lines), encoding='utf-8')
+    route.write_text('\n'.join(f'{x},{y}' for x, y in ('xy', (0.5, 0.5), *way, (0.5, 0.5))), encoding='utf-8')
     page = open_page(report, '--walls', '0', '0', *map(str, walls), width=320, height=height)
-    counts = "['stop', 'arrow'].map(name => document.querySelectorAll(`#map .${name}`).length)"
-    assert page.evaluate(counts) == [4, 5]  # one arrow between two stops
+    assert (
+        page.evaluate("document.querySelectorAll('#map .stop, #map .arrow').length") == 4 + 5
+    )  # of each leg
     boxes, widths = {}, [320, 360, 412, 560, 703, 704, 768, 900, 1280, 1920, 2560]
     for width in widths:
         page.set_viewport_size({'width': width, 'height': height})
@@ -430,8 +427,7 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
         assert boxes[1280]['.maps']['top'] == boxes[1280]['h1']['top']
         assert boxes[1280]['.maps']['left'] > boxes[1280]['#table']['right']
         assert boxes[1280]['.maps']['width'] >= 0.8 * boxes[1280]['#table']['width']
-        for side in ('width', 'height'):
-            assert boxes[1280]['.scroll'][side] >= boxes[1280]['table'][side]  # which is seen as a whole
+        assert all(boxes[1280]['.scroll'][side] >= boxes[1280]['table'][side] for side in ('width', 'height'))
         assert 0 < boxes[1280]['#bar']['top'] < boxes[1280]['#map']['bottom'] <= height
         assert boxes[2560]['#charts']['top'] == boxes[2560]['.maps']['top']
         assert boxes[2560]['#charts']['right'] > 2500

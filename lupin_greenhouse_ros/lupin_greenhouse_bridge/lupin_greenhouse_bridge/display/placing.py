@@ -145,7 +145,9 @@ def lanes_of(points: Sequence[Point]) -> np.ndarray:
     parts = np.cumsum(np.diff(is_near, axis=1, prepend=False) & is_near, axis=1)
     lanes, first = (parts[:, -1] + 1) / 2 - parts.diagonal(), heading[is_near.argmax(axis=1)]
     shifts = np.column_stack([lanes * np.sin(first), -lanes * np.cos(first)])
-    return np.column_stack([x, y, heading, uniform_filter1d(shifts, SMOOTHED, axis=0)])
+    shifts = uniform_filter1d(shifts, SMOOTHED, axis=0)
+    shifts[[0, -1]] = 0.0  # where the marks of the ends are
+    return np.column_stack([x, y, heading, shifts])
 
 
 def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:

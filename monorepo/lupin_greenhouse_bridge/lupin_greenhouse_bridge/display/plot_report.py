@@ -141,7 +141,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     if route:
         lanes = placing.lanes_of(route)
         points = (lanes[:, :2] + shown.scale * LANE_M * lanes[:, 3:]).tolist()
-        drawings.draw_path(axes, points, placing.marks_of(route))
+        drawings.draw_path(axes, points, placing.marks_of(route, shown.scale * placing.ARROW_M))
         axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     gap_m = shown.scale * GAP_M
@@ -247,7 +247,7 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         word = f': {min(words)}' if len(words) == 1 else ''
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
     if shown.route:
-        marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
+        marks.append(('route', {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}))
     if placing.stops_of(shown.route):
         marks.append(('stop', STOP))
     if empty_cell:
