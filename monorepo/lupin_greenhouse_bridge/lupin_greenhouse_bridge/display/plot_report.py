@@ -254,7 +254,8 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, fontsize=POINTS, **place)
         return figure.transFigure  # while a picture is saved, figure.patch is larger
-    return drawings.write_key(figure, marks, columns=3, fontsize=POINTS)
+    left: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 0.0), 'borderpad': 0.0}
+    return drawings.write_key(figure, marks, columns=3, fontsize=POINTS, **left)
 
 
 def _time_text(form: str, row: Row) -> str:
