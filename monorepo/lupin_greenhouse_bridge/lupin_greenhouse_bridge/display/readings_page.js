@@ -519,7 +519,7 @@ function value_axis({ extent, limits, decimals }) {
   return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(digits) };
 }
 
-function draw_charts() {
+function draw_charts(is_again = false) {
   element('figures').replaceChildren();
   const figures = data.sensors.filter(sensor => sensor.lines.length).map(sensor => {
     const figure = mark(element('figures'), 'figure'), caption = mark(figure, 'figcaption');
@@ -541,8 +541,11 @@ function draw_charts() {
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
-  const beside_others = document.querySelector('.beside') ? '; side by side: same time' : '';
+  const beside_others = document.querySelector('.beside') 
+    ? '; points side by side were read at the same time' : '';
+  const { offsetHeight } = element('lines');
   element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
+  if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left
   show_chosen();
 }
 
