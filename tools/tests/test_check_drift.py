@@ -69,13 +69,6 @@ def added(content=''):
     return replaced('', content)
 
 
-def move_line(path):
-    """Move the right line into another function."""
-    line = WRAP if 'monorepo' in path.parts else PLAIN
-    edit(path, f'    {line}\n', '    return _elsewhere(value)\n')
-    edit(path, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
-
-
 def linked(target):
     """Put a symlink in place of a file or folder."""
 
@@ -104,7 +97,7 @@ MUTANTS = [
     (DIVERGENCE, 'monorepo', NODE, replaced(f'    {WRAP}\n', f'    {PLAIN}\n')),
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', '')),
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', f'    {PLAIN}\n    {PLAIN}\n')),
-    (DIVERGENCE, 'both', NODE, replaced('def _config_path(', 'def _other(value):\n    pass\n\n\ndef _moved(')),
+    (DIVERGENCE, 'both', NODE, replaced('def _config_path(', 'def _config_path(value):\n    pass\n\n\ndef _moved(')),
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', f'    {PLAIN}  # text\n')),
     (DIVERGENCE, 'both', NODE, replaced('    """Turn a path', '    value = value.strip()\n    """Turn a path')),
     # messages and services: text and meaning
@@ -125,7 +118,6 @@ MUTANTS = [
     (NODE_DIFFERS, 'monorepo', NODE, replaced(LAST_LINE, LAST_LINE.rstrip())),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.cfg', replaced('lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n')),
     # added, deleted, and what is no text
-    (DIVERGENCE, 'both', NODE, move_line),
     (DIVERGENCE, 'both', NODE, added('\n\ndef _config_path(value):\n    return value\n')),
     (ONE_SIDE, 'mirror', f'{BRIDGE}/{BRIDGE}/extra.py', NEW),
     (ONE_SIDE, 'monorepo', f'{BRIDGE}/test/test_extra.py', NEW),

@@ -133,7 +133,6 @@ def test_another_default_branch_is_told_with_what_to_set(remote, publish, branch
         ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
         ('ssh://git@github.com:22/owner/name.git', 'https://github.com/owner/name.git'),
         ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
-        ('/srv/mirror.git', '/srv/mirror.git'),
     ],
 )
 def test_the_address_is_one_that_a_reader_can_clone(remote, address):
@@ -198,10 +197,8 @@ def test_a_wrong_option_is_one_line(name, main, capsys):
     with pytest.raises(SystemExit) as ended:
         main(['nothere', '--dryrun'])
     assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f'{name}: unrecognized arguments: ')
-    assert said.endswith('--dryrun: see --help\n')
-    assert said.count('\n') == 1
+    told = f'{name}: unrecognized arguments: (nothere )?--dryrun: see --help\n'
+    assert re.fullmatch(told, capsys.readouterr().err)
 
 
 def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
