@@ -83,8 +83,6 @@ def test_one_handler_runs_at_a_time_in_any_executor_and_many_requests_can_wait(r
 @example(tag_id='1 ')
 @example(tag_id='１')  # noqa: RUF001
 @example(tag_id='\u202e1\u202c')
-@example(tag_id='1\n[FATAL] [greenhouse_bridge]: forged')
-@example(tag_id='\x1b[2J\x1b]0;owned\x07')
 def test_any_other_id_is_an_unknown_tag_and_the_next_request_is_answered(noon_bridge, shipped_tags, tag_id):
     response = noon_bridge.call(tag_id)
     if tag_id in shipped_tags:
@@ -173,8 +171,7 @@ def test_the_policy_has_the_form_of_sros2_0_2_0():
         assert profile.attrib.keys() == {'ns', 'node'}
         for group in profile:
             rights = {'topics': {'publish', 'subscribe'}, 'services': {'request', 'reply'}}[group.tag]
-            assert group.attrib.keys() <= rights
-            assert set(group.attrib.values()) == {'ALLOW'}
+            assert group.attrib.items() <= {(right, 'ALLOW') for right in rights}
             assert {each.tag for each in group} == {group.tag.removesuffix('s')}
 
 

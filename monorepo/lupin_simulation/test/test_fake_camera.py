@@ -79,9 +79,8 @@ def test_an_id_outside_the_family_has_no_place_in_the_picture_and_is_named(tmp_p
 
 def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_camera):
     node, reason = run_camera(from_odometry=True)
-    node.create_publisher(String, '/mission/at_tag', latched()).publish(
-        String(data='7')
-    )  # counts for nothing
+    at_tag = node.create_publisher(String, '/mission/at_tag', latched())
+    at_tag.publish(String(data='7'))  # counts for nothing
     wait_until(lambda: 'no tag in view in 4 images' in reason('7'))  # no odometry yet
     odometry = node.create_publisher(Odometry, '/odom', 1)
     x, y, facing = Settings().tag_poses()[7]
