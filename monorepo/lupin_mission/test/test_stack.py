@@ -16,7 +16,6 @@ from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subsc
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
-OK = Outcome.OK
 READINGS = 'mission/readings'
 
 
