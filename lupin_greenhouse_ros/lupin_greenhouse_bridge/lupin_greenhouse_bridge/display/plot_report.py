@@ -119,12 +119,12 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], A
     columns = -(-count // rows)
     width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 2.0))
-    gap = {'hspace': 0.07}  # between a scale of colours and the title below it
-    grid = figure.subplots(rows, columns, sharey=True, squeeze=False, gridspec_kw=gap)
+    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.8) * columns, rows * (height + 2.0))
+    grid = figure.subplots(
+        rows, columns, sharey=True, squeeze=False, gridspec_kw={'hspace': 0.1, 'wspace': 0.12}
+    )
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
-        axes.set_anchor('N')  # the panel of the route has no colour bar below it
     for axes in grid.flat[count:]:
         axes.axis('off')
     for axes in grid[:, 0]:
@@ -166,7 +166,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
 
 
 def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float]) -> None:
-    """Draw the last values of a sensor, and below them the bar of their colours."""
+    """Draw the last values of a sensor, and above them the bar of their colours."""
     from matplotlib.ticker import MaxNLocator
 
     tags, (low, high) = shown.layout.tags, limits
@@ -191,15 +191,15 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
-    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend, label=label_of(sensor))
+    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
     _draw_crosses(axes, shown, failed)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
-    """Write a title, and below it up to three small lines, which must not move the colour bar."""
-    axes.set_title(title, fontsize=12, pad=44)
+    """Write a title, and below it up to three small lines, above the room of a colour bar."""
+    axes.set_title(title, fontsize=12, pad=82)
     style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 9}
-    axes.annotate(more, (0.5, 1), (0, 37), ha='center', va='top', **style).set_in_layout(False)
+    axes.annotate(more, (0.5, 1), (0, 76), ha='center', va='top', **style).set_in_layout(False)
 
 
 def _write_labels(

@@ -51,6 +51,7 @@ def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
     return {'marker': marker, 'color': colour, 'markersize': size, 'linestyle': '', **more}
 
 
+BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
@@ -114,6 +115,7 @@ def picture_of(figure: Any, ending: str) -> bytes:
         text.set_text(text.get_text().replace('$', r'\$'))
     picture = io.BytesIO()
     try:
+        figure.draw_without_rendering()  # lays it out: doing so once is not exact
         figure.savefig(picture, format=ending, dpi=130, bbox_inches='tight', pad_inches=0.15)
     except ValueError as error:
         raise StartUpError(f'the picture cannot be drawn: {error}') from error
@@ -187,19 +189,19 @@ def write_key(owner: Any, marks: Sequence[tuple[str, Mark]], columns: int, **sty
 
 
 def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
-    """Draw the scale of coloured values below the axes and as wide as the walls; return it."""
-    from matplotlib.colorbar import make_axes
+    """Draw the scale of coloured values above the axes and as wide as the walls; return it."""
     from matplotlib.transforms import Bbox
 
-    place, more = make_axes(axes, location='bottom', pad=0.02)
+    place = axes.figure.add_axes((0.0, 0.0, 1.0, 1.0), label='<colorbar>')
 
-    def below(place: Any, _renderer: Any) -> Bbox:
-        box, to_figure = place.get_position(original=True), axes.transData - axes.figure.transFigure
+    def above(_place: Any, _renderer: Any) -> Bbox:
+        top, to_figure = axes.get_position().y1, axes.transData - axes.figure.transFigure
+        y0, y1 = (top + points / 72 / axes.figure.get_figheight() for points in BAR_POINTS)
         (x0, _), (x1, _) = to_figure.transform([walls[:2], walls[2:]])
-        return Bbox([[x0, box.y0], [x1, box.y1]])
+        return Bbox([[x0, y0], [x1, y1]])
 
-    place.set_axes_locator(below)
-    return axes.figure.colorbar(values, cax=place, **more, **style)
+    place.set_axes_locator(above)
+    return axes.figure.colorbar(values, cax=place, orientation='horizontal', **style)
 
 
 def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box]) -> None:
