@@ -305,7 +305,7 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     path = tmp_path / 'report.jsonl'
     path.write_text(visit(0, '5', ['temperature']) + '\n', encoding='utf-8')
     page = open_page(path)
-    assert page.evaluate("document.getElementById('extremes').textContent") == 'ringed: 20.0 °C at tag 5'
+    assert page.evaluate("document.getElementById('extremes').textContent") == 'ringed: 20.0\xa0°C at tag 5'
     assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0\xa0°C'
     assert ' to ' not in page.evaluate(HEAD)
     assert page.evaluate(SCALE) == ['19.6', '19.8', '20.0', '20.2', '20.4']

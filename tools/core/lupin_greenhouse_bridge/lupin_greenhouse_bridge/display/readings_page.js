@@ -23,6 +23,9 @@ const WALL_STEPS_MS = [
 ].map(seconds => seconds * 1000);
 const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
+for (const { extremes, unit } of data.sensors) {
+  for (const each of extremes) each[0] = each[0].replace(` ${unit}`, `\u00a0${unit}`);  // on one line
+}
 const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
@@ -86,7 +89,7 @@ const pad = number => String(number).padStart(2, '0');
 const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600) % 24)}:${pad(Math.floor(seconds / 60) % 60)}`;
-const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)} ${sensor.unit}`.trim();
+const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)}\u00a0${sensor.unit}`.trim();
 const filled = fill => ({ fill, style: `--value: ${fill}` });
 const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
 const address = id => `#tag=${encodeURIComponent(id)}`;
@@ -185,7 +188,8 @@ function place_label({ x, y, radius, width }, { taken, room, route, dots = [], p
       const is_at_stop = nearer.some(dot => !dot.outer);
       const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
       const cost = 9999 * (covered > 1) + 99 * covered + 9 * shared_by(place, steps) + weight * shared_by(place, others)
-        + (0.2 * far + 0.8 * is_misread + 0.6 * is_at_stop + 0.18 * is_close + 0.01 * number) * area;
+        + (0.2 * far + 0.8 * is_misread + 0.6 * is_at_stop + 0.1 * is_close + 0.1 * (number > 3) + 0.005 * number)
+        * area;
       if (cost < best.cost) best = { ...place, cost, covered, has_leader: far > 0 || is_misread };
     });
   }
@@ -276,7 +280,7 @@ function draw_axes(svg, { x, y, scale, room: [left, , , bottom] }) {
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
   const size = state.is_printed ? PAPER_MAP : [size_of(place)[0], Infinity];
-  const frame = frame_of(...size, { left: 32, right: 12, top: 6, bottom: 20 });
+  const frame = frame_of(...size, { left: 32, right: 1, top: 6, bottom: 20 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   const [left, , right] = frame.room, bar = document.querySelector('#bar .colours').style;
@@ -498,7 +502,7 @@ function day_span() {
 function time_axis(width) {
   const is_wall = state.clock === 'wall', [first, last] = is_wall ? data.span_ms : day_span();
   const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 48), 1);
   const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
   const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
@@ -540,7 +544,7 @@ function draw_charts(is_again = false) {
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
-  const beside_others = document.querySelector('.beside') 
+  const beside_others = document.querySelector('.beside')
     ? '; points side by side were read at the same time' : '';
   const { offsetHeight } = element('lines');
   element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
@@ -715,11 +719,14 @@ for (const each of document.querySelectorAll('[name=clock]')) {
   });
 }
 
-// Names of two words take two lines in the head of the table only if they must.
+// Gaps are equal, and names of two words take two lines in the head of the table only if they must.
 function fit_table() {
   const table = document.querySelector('table'), frame = table.parentNode;
   table.classList.remove('narrow');
-  table.classList.toggle('narrow', frame.scrollWidth > frame.clientWidth);
+  table.style = 'width: max-content';
+  const spare = frame.clientWidth - table.getBoundingClientRect().width;
+  table.style = `--gap: ${Math.max(Math.floor(spare / (columns.length - 1)), 0)}px`;
+  table.classList.toggle('narrow', spare < 0);
 }
 
 function draw_all(is_printed = false) {
