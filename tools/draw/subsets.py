@@ -127,12 +127,13 @@ def draw_reading(
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
     ink, paper = pyplot.rcParams['text.color'], pyplot.rcParams['axes.facecolor']
     disc = {'facecolor': paper, 'edgecolor': ink, 'linewidth': 3}
-    drawings.draw_robot(axes, pose, radius_m, disc, ink, nose_at=0.5)
+    nose = np.add(drawings.DART, (1.0 - max(drawings.DART)[0], 0.0))  # its tip is at the rim
+    drawings.draw_robot(axes, pose, radius_m, disc, ink, nose)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
     rim = drawings.ahead_of(pose, radius_m)
     for start, end, dashes in ((pose[:2], rim, '-'), (rim, tag[:2], (0, (2, 0.6)))):
-        axes.plot(*zip(start, end, strict=True), color=ink, linestyle=dashes, linewidth=3.5, zorder=1.9)
+        axes.plot(*zip(start, end, strict=True), color=ink, linestyle=dashes, linewidth=3.5, zorder=2.2)
     random.seed(README_SEED)
     lines = [f'tag {tag_id}:']
     for name in tag.sensors:
@@ -146,7 +147,7 @@ def draw_reading(
     around = placing.Box(*pose[:2], robot.width + step_m, robot.height + step_m)  # room for the tail
     labels = [(around, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
     place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, bounds)
-    frame = {'boxstyle': 'round,pad=0.3', 'facecolor': ink, 'edgecolor': 'none'}
+    frame = {'boxstyle': 'round,pad=0.65', 'mutation_aspect': 0.5, 'facecolor': ink, 'edgecolor': 'none'}
     style = {'color': paper, 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
     # It begins below the text and not at the frame, where a seam would be seen.
     tail = {'arrowstyle': 'wedge,tail_width=2.5', 'color': ink, 'linewidth': 0, 'patchA': None, 'shrinkB': 0}
@@ -159,7 +160,7 @@ def draw_reading(
 
 def plate_of(axes: Any) -> drawings.Style:
     """Return the style of the plate under a label."""
-    return {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none', 'alpha': 0.8}
+    return {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none'}
 
 
 def draw_field(
@@ -204,7 +205,7 @@ def write_values(
             moved_m = np.abs(places - path).sum(axis=1)
             lengths = (np.abs(path[:, None] - places) < half).all(axis=2).sum(axis=0)
             hides_bend = lengths > 1.5 * np.quantile(lengths, 0.25)
-            order = np.lexsort((-places[:, 0], moved_m.round(2), hides_bend, shares.round(1)))
+            order = np.lexsort((-places[:, 0], moved_m.round(2), hides_bend, shares.round(2)))
             best = placing.Box(*boxes[order[0]])
             axes.text(*best[:2], text, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
             covered.append(best)

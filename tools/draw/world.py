@@ -33,7 +33,7 @@ MONOREPO = Path(__file__).resolve().parents[2] / 'monorepo'
 WIDTH, HEIGHT, FOCAL_PIXELS = 2000, 1100, 2850.0
 FROM_MIDDLE_M, MARGIN_PIXELS = (-9.5, -8.5, 8.5), 18
 # With the offset of the text in points.
-NAMES = {19: ('tag 19', (-90, 0)), 2: ('tag 2\nfrom behind', (14, 95))}
+NAMES = {19: ('tag 19', (-46, -42)), 2: ('tag 2\nfrom behind', (14, 95))}
 INK, BORDER, POINTS = '#1f2328', '#8c959f', 20  # 11 px on a phone 328 px wide
 
 

@@ -11,6 +11,7 @@ from lupin_tag_confirmation.settings import Settings
 GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
 ASKED, PAPER = (255, 255, 255), (0, 0, 0)
 USUAL_WIDTH, BAR_PIXELS, FONT_PIXELS, PAD_PIXELS = 540, 48, 15, 5  # a wider picture has larger texts
+LINE_PIXELS, FINER = 4, 4  # of an outline: its width, and how much finer it is drawn than it is shown
 
 
 def draw(
@@ -29,15 +30,19 @@ def draw(
     row = bar // 2 - pad
     pen.font = _font(round(scale * FONT_PIXELS))
     for each in detections:
-        label, colour = [f'tag id {each.tag_number}'], OTHER
+        label, colour = [f'tag id {each.tag_number}, not {expected_number}'], OTHER
         if each.tag_number == expected_number:
             colour = FLAWED if each.flaw(settings) else GOOD
             margin, least = each.decision_margin, settings.min_decision_margin
-            label.append(f'contrast {margin:.0f} grey levels, {least:g} needed')
+            label = [f'tag id {each.tag_number}', f'contrast {margin:.0f} grey levels, {least:g} needed']
             label += [f'hamming {each.hamming}'] if each.hamming else []
-        corners = [(float(x), float(y)) for x, y in each.corners]
-        pen.line([*corners, corners[0]], fill=colour, width=4)
-        (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
+        (left, top), (_, bottom) = ends = each.corners.min(axis=0), each.corners.max(axis=0)
+        around = np.add(ends, [[-LINE_PIXELS], [LINE_PIXELS]])
+        first, last = np.clip(around, 0, np.subtract(image.size, 1)).astype(int)
+        outline = Image.new('L', tuple((FINER * (last - first + 1)).tolist()))
+        corners = [tuple(corner) for corner in FINER * (each.corners - first + 0.5)]
+        ImageDraw.Draw(outline).line([*corners, *corners[:2]], 255, FINER * LINE_PIXELS, 'curve')
+        image.paste(colour, tuple(first.tolist()), outline.reduce(FINER))
         border = (bottom - top) / 8  # white, one of the tag's modules wide
         width = max(pen.getfont().getmask(line).size[0] for line in label)
         right, low = width + 2.0 * pad, float(len(label) * row + pad)

@@ -38,8 +38,9 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-NOSE, NEAREST_NOSE = 0.9, 0.6  # of the robot: where its nose is, in radii
-DART = (0.38, 0.0), (-0.3, 0.26), (-0.18, 0.0), (-0.3, -0.26)  # the corners of the nose, in radii
+DART = (0.38, 0.0), (-0.3, 0.26), (-0.18, 0.0), (-0.3, -0.26)  # the corners of a robot's nose, in radii
+NOSE = np.add(DART, (0.9, 0.0))  # where it usually is
+NEAREST_NOSE, CROWDED_NOSE = 0.6, 0.6  # its place in radii, and its size where stops are close
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -60,7 +61,7 @@ TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 ROBOT = (
     point_style('o', f'{colours.ROUTE}30', 18, markeredgewidth=0),
     point_style('o', colours.ROUTE, 10),
-    point_style(np.add(DART, (NOSE, 0.0)), colours.ROUTE, 22, markeredgewidth=0),
+    point_style(NOSE, colours.ROUTE, 22, markeredgewidth=0),
     point_style(r'$\mathbf{7}$', 'white', 5, markeredgewidth=0),
 )
 FURTHER = (
@@ -224,13 +225,13 @@ def draw_robot(
     radius_m: float,
     disc: Style = SEE_THROUGH,
     colour: str = colours.ROUTE,
-    nose_at: float = NOSE,
+    corners: np.ndarray = NOSE,
 ) -> None:
-    """Draw the disc of the robot to scale, and over every disc and line of sight a nose at its heading."""
+    """Draw the disc of the robot to scale, and over every disc and line of sight its nose, given in radii."""
     from matplotlib.patches import Circle, Polygon
 
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    corners = pose[:2] + radius_m * np.add(DART, (nose_at, 0.0)) @ [(cos, sin), (-sin, cos)]
+    corners = pose[:2] + radius_m * corners @ [(cos, sin), (-sin, cos)]
     nose: Style = {'facecolor': colour, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
     axes.add_patch(Polygon(corners, **nose))
     axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
@@ -300,7 +301,7 @@ def draw_route(
         'route, in the direction of its arrows': {**SIGHT, 'linestyle': '-', 'marker': '>', 'markersize': 5},
         f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
         'from a stop to the tag that it reads': SIGHT,
-        **({'stop too near another one for a disc: its number is ahead of it': FURTHER} if further else {}),
+        **({'crowded stop: its number is on its line to the tag': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -331,16 +332,16 @@ def _draw_stops(
     solid, further = [], {}
     for number, (pose, line) in enumerate(stops):
         is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        dot_m = disc_m
+        dot_m, size = disc_m, 1.0
         if (is_near & (points[:, 2] != number)).any():
-            dot_m = disc_m / 4
+            dot_m, size = disc_m / 4, CROWDED_NOSE
             further[number + 1] = line
         else:
             axes.text(*pose[:2], number + 1, **NUMBER)
         nose_at = max(dot_m / radius_m - min(DART)[0], NEAREST_NOSE)
         nose = ahead_of(pose, nose_at * radius_m)
         axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
-        draw_robot(axes, pose, radius_m, nose_at=nose_at)
+        draw_robot(axes, pose, radius_m, corners=np.add(np.multiply(size, DART), (nose_at, 0.0)))
         solid += [Box(*pose[:2], 2 * dot_m, 2 * dot_m), Box(*nose, nose_m, nose_m)]
     plate = {'boxstyle': 'circle,pad=0.15', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
     for number, line in further.items():
