@@ -50,7 +50,7 @@ def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside
     newest = '.mission/2026-11-20-130000-simulation'
     assert result.stdout == f'page: of the newest report, {newest}.jsonl\npage: {newest}.html\n'
     page = (reports / f'{newest}.html').read_text(encoding='utf-8')
-    assert '[[0.625,0.375],[1.375,3.125]]' in page
+    assert re.search(r'"route":\[\[0.625,0.375\],.*?\[1.375,3.125\]\],"arrows"', page)
     assert '"x":1.25,"y":3.5' in page
 
 

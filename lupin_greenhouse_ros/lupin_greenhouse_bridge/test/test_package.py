@@ -72,6 +72,11 @@ def test_a_module_imports_only_from_its_row_and_those_above_it(row):
     assert {name: rooms for name, rooms in found.items() if rooms} == DRAWS.get(row, {})
 
 
+def test_only_the_planner_needs_scipy():
+    files = [file for file in MODULES.rglob('*.py') if re.search(r'\bscipy\b', ' '.join(imports(file)))]
+    assert {file.parent.name for file in files} == {'planning'}
+
+
 def test_one_module_imports_what_rclpy_keeps_for_itself():
     private = re.compile(r'rclpy\.(impl|event_handler|qos_event)\b|rclpy\.(\w+\.)*_')
     files = [file.name for file in MODULES.glob('**/*.py') if any(map(private.match, imports(file)))]

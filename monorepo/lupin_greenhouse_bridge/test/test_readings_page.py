@@ -213,6 +213,8 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
     assert (out, back) == ([1.571, 0.5, 0], [-1.571, -0.5, 0])
     assert abs(y_out - y_back) > placing.ARROW_M
     assert [(tag['id'], tag['x'], tag['y']) for tag in data['tags']] == [('7', 0.5, 1.5)]
+    hours = [(n % 4000 / 1000, n // 4000) for n in range(40_000)]  # recorded ten times a second
+    assert len(placing.lanes_of(hours)) <= 2 * placing.MOST_STEPS + 2
     assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
 
 

@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.spatial import KDTree
 
 from lupin_greenhouse_bridge.planning.walls import Walls
 
@@ -16,7 +14,7 @@ ARROW_M = 0.22
 ARROW_EVERY, MOST_ARROWS = 4, 200  # along a path without stops: in lengths of an arrow
 # Parts of a path that are as close and as parallel (as a sine) lie beside each other; and its steps at most.
 SHARED_M, PARALLEL, MOST_STEPS = 0.06, 0.3, 1000
-SMOOTHED = 9  # steps
+SMOOTHED = 9  # steps, an odd number
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
 # Of a label at the double distance from its dot, and of one nearer to another dot: shares of its area.
 FAR_COST, NEARER_COST = 0.15, 0.05
@@ -103,11 +101,12 @@ def arrows_between(
     points: Sequence[Point], stops: Sequence[Box], arrow_m: float = ARROW_M
 ) -> list[tuple[float, float, float]]:
     """Return x, y and heading near the middle of each leg of a path that has room for an arrow."""
-    steps, boxes, step_m = list(steps_of(points, arrow_m / 8)), np.array(stops), arrow_m / 8
-    apart_m, nearest = KDTree(boxes[:, :2]).query(np.reshape(steps, (-1, 3))[:, :2])
-    is_free = apart_m > boxes[nearest, 2] / 2
-    groups = itertools.groupby(zip(steps, is_free, strict=True), lambda each: bool(each[1]))
-    legs = [[each for each, _ in leg] for is_leg, leg in groups if is_leg]
+    steps, step_m = list(steps_of(points, arrow_m / 8)), arrow_m / 8
+    places, is_leg = np.reshape(steps, (-1, 3))[:, :2], np.ones(len(steps), bool)
+    for stop in stops:
+        is_leg &= np.hypot(*(places - stop[:2]).T) > stop.width / 2
+    groups = itertools.groupby(zip(steps, is_leg, strict=True), lambda each: bool(each[1]))
+    legs = [[each for each, _ in leg] for is_free, leg in groups if is_free]
     arrows: list[tuple[float, float, float]] = []
     for leg in (each for each in legs if len(each) * step_m > arrow_m):
         middle = len(leg) // 2
@@ -137,6 +136,8 @@ def lanes_of(points: Sequence[Point]) -> np.ndarray:
     A shift is in x and y, in distances between two lanes. The first part is at the right of the next one.
     """
     step_m = max(SHARED_M / 2, length_m(points) / MOST_STEPS)
+    if len(points) > MOST_STEPS:
+        points = [*((x, y) for x, y, _ in steps_of(points, step_m)), points[-1]]
     steps = [each for leg in itertools.pairwise(points) for each in steps_of(leg, step_m)]
     last_heading = steps[-1][2] if steps else 0.0
     x, y, heading = np.array([*steps, (*points[-1], last_heading)]).T
@@ -145,7 +146,9 @@ def lanes_of(points: Sequence[Point]) -> np.ndarray:
     parts = np.cumsum(np.diff(is_near, axis=1, prepend=False) & is_near, axis=1)
     lanes, first = (parts[:, -1] + 1) / 2 - parts.diagonal(), heading[is_near.argmax(axis=1)]
     shifts = np.column_stack([lanes * np.sin(first), -lanes * np.cos(first)])
-    shifts = uniform_filter1d(shifts, SMOOTHED, axis=0)
+    padded = np.pad(shifts, ((SMOOTHED // 2, SMOOTHED // 2), (0, 0)), 'symmetric')
+    mean = np.full(SMOOTHED, 1 / SMOOTHED)
+    shifts = np.column_stack([np.convolve(each, mean, 'valid') for each in padded.T])
     shifts[[0, -1]] = 0.0  # where the marks of the ends are
     return np.column_stack([x, y, heading, shifts])
 
