@@ -109,7 +109,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
         _draw_readings(axes, sensor, shown, limits[sensor])
     drawn = {line.get_label() for axes in panels for line in axes.lines}
     key = _write_key(figure, empty_cell, shown, drawn)
-    _write_texts(panels[0].title, key, path.name, rows, failures, shown)
+    _write_texts(panels[has_ways].title, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
@@ -136,7 +136,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    _write_title(axes, 'route' if route else 'tags read or not', more)
+    _write_title(axes, 'route' if route else 'tags read or not', more, 28)
     _draw_others(axes, shown, {*failed})
     if route:
         lanes = placing.lanes_of(route)
@@ -176,7 +176,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     read = len(shown.readings)
     counts = [f'{len(values)} of {read} read tags have it'] * (len(values) < read)
-    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]))
+    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]), 82)
     _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
@@ -195,11 +195,11 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     _draw_crosses(axes, shown, failed)
 
 
-def _write_title(axes: Any, title: str, more: str) -> None:
-    """Write a title, and below it up to three small lines, above the room of a colour bar."""
-    axes.set_title(title, fontsize=12, pad=82)
+def _write_title(axes: Any, title: str, more: str, above: float) -> None:
+    """Write a title at points above the axes, and below it up to three small lines."""
+    axes.set_title(title, fontsize=12, pad=above)
     style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 9}
-    axes.annotate(more, (0.5, 1), (0, 76), ha='center', va='top', **style).set_in_layout(False)
+    axes.annotate(more, (0.5, 1), (0, above - 6), ha='center', va='top', **style).set_in_layout(False)
 
 
 def _write_labels(
@@ -239,7 +239,7 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([(RINGS, EXTREME)] if RINGS in drawn else []),
-        ('tag that was read', READ),
+        ('other tag that was read', READ),
     ]
     if {*shown.layout.tags} - {*shown.readings, *shown.failed}:
         marks.append(('tag without a reading', UNREAD))
