@@ -63,6 +63,10 @@ def texts_in(figure) -> list[str]:
     return [text.get_text() for text in figure.findobj(kind)]
 
 
+def renderer_of(figure):
+    return importlib.import_module('matplotlib.backends.backend_agg').FigureCanvasAgg(figure).get_renderer()
+
+
 def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn, shipped_tags):
     texts = texts_in(drawn(file=report))
     assert {
@@ -122,7 +126,7 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(sh
         visit(id_, **{each: values[each] for each in tag['sensors']}) for id_, tag in shipped_tags.items()
     ]
     figure = drawn(*visits, visit('2', temperature=7.0, soil_moisture=0.28))
-    renderer = pytest.importorskip('matplotlib.backends.backend_agg').FigureCanvasAgg(figure).get_renderer()
+    renderer = renderer_of(figure)
     figure.draw_without_rendering()
     bars = [axes for axes in figure.axes if axes.get_label() == '<colorbar>']
     panels = [axes for axes in figure.axes if axes.get_title()]
@@ -229,7 +233,7 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, draw
     (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0.5\n3.0,0.5\n3.0,7.5\n', encoding='utf-8')
     visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], 1234.5)) for tag_id, tag in shipped_tags.items()]
     figure = drawn(*visits)
-    renderer = pytest.importorskip('matplotlib.backends.backend_agg').FigureCanvasAgg(figure).get_renderer()
+    renderer = renderer_of(figure)
     figure.draw(renderer)
     head, foot, key = (each.get_window_extent(renderer) for each in (*figure.artists, *figure.legends))
     assert foot.y1 < key.y0 < key.y1 < head.y0

@@ -28,6 +28,7 @@ MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
 # The sizes of marks, which scale_of() scales.
 LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.07, 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)
 POINTS = 9.0  # of the labels and the key
+ABOVE_MAP, ABOVE_BAR = 28, 82  # points from a map to a title without and with a bar of colours between them
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5)
 UNREAD = READ | {'markerfacecolor': 'white'}
@@ -136,7 +137,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    _write_title(axes, 'route' if route else 'tags read or not', more, 28)
+    _write_title(axes, 'route' if route else 'tags read or not', more, ABOVE_MAP)
     _draw_others(axes, shown, {*failed})
     if route:
         lanes = placing.lanes_of(route)
@@ -176,7 +177,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     read = len(shown.readings)
     counts = [f'{len(values)} of {read} read tags have it'] * (len(values) < read)
-    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]), 82)
+    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]), ABOVE_BAR)
     _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
