@@ -110,13 +110,16 @@ BEYOND_CARD = """
     return width && right > card.getBoundingClientRect().right - parseFloat(padding);
 }).map(each => each.textContent)
 """
-# Each row of the phone's table with a cell that leaves the window, covers another one, or lacks its unit.
+# Each row of the phone's table with a cell that leaves the window, covers another one, lacks its unit or has
+# a space after a text without one, or whose cells are not in its middle.
 BAD_ROWS = """
 [...document.querySelectorAll('#table tr')].filter(row => {
-    const boxes = [...row.children].map(each => [each, each.getBoundingClientRect()]);
-    const cells = boxes.filter(([, box]) => box.width);
+    const box_of = each => each.getBoundingClientRect(), frame = box_of(row);
+    const cells = [...row.children].map(each => [each, box_of(each)]).filter(([, box]) => box.width);
+    const middle = Math.min(...cells.map(([, a]) => a.top)) + Math.max(...cells.map(([, a]) => a.bottom));
     return cells.some(([cell, a], number) => a.left < 0 || a.right > innerWidth
-        || cell.dataset.unit && !getComputedStyle(cell, '::after').content.includes(cell.dataset.unit)
+        || !getComputedStyle(cell, '::after').content.includes(cell.dataset.unit ?? 'none')
+        || Math.abs(middle - frame.top - frame.bottom) > 3
         || cells.slice(number + 1).some(([, b]) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
             && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1));
 }).map(row => row.innerText)
@@ -227,6 +230,8 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     assert page.evaluate(HEAD).startswith('Greenhouse readings, ')
     counts = page.evaluate("document.getElementById('counts').textContent")
     assert counts == f'{len(tags) - 2} of {len(tags)} tags read · 2 timeout'
+    facts = page.evaluate("document.getElementById('file').textContent")
+    assert facts.endswith(' · greenhouse 00:00 to 14:00, about 1,800 times faster than real time')
     assert sorted(page.evaluate(LABELS)) == sorted(tags)
     assert page.evaluate(COVERED_IN_CHARTS) == []
     assert page.evaluate(CUT) == []
@@ -443,8 +448,8 @@ def test_a_phone_shows_the_map_first_and_cuts_no_text(report, open_page, width):
     assert page.evaluate(CUT) == page.evaluate(BAD_ROWS) == []
     before = page.evaluate(BOXES)
     assert before['table']['width'] <= before['.scroll']['width']
-    assert before['#map']['bottom'] < before['#table']['top'] < before['#charts']['top']
-    tops = [before[name]['top'] for name in ('h1', '#failures', '#map', '#file')]
+    assert before['#map']['bottom'] < before['#table']['top']
+    tops = [before[name]['top'] for name in ('h1', '#failures', '#map', '#table', '#charts', '#file')]
     assert tops == sorted(tops)
     assert page.evaluate(SMALLEST_TARGET) >= 44
     heights = page.evaluate("[...document.querySelectorAll('tbody tr')].map(each => each.offsetHeight)")

@@ -111,7 +111,8 @@ function write_head() {
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
   mark(element('title'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
-  write_pieces(element('file'), [data.title, `times in ${zone}`, data.greenhouse_times, data.speed].filter(Boolean));
+  const greenhouse = [data.greenhouse_times, data.speed.replace('greenhouse clock ', '')].filter(Boolean).join(', ');
+  write_pieces(element('file'), [data.title, `times in ${zone}`, greenhouse].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
