@@ -31,7 +31,8 @@ const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
 const PAPER_MAP = [440, 740];  // in print, as the next one
-const paper_chart = count => [704 / (is_long ? 1 : Math.min(count, 3)) - 12, is_long ? 190 : 155];
+const paper_columns = count => is_long ? 1 : Math.min(count, 3);
+const paper_chart = count => [704 / paper_columns(count) - 12, is_long ? 190 : count % 3 ? 175 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // A clock of the greenhouse that is faster than ours tells more.
@@ -531,6 +532,10 @@ function draw_charts(is_again = false) {
     mark(caption, 'b', {}, sensor.label);
     return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
+  // The heading is the first of the cells if they would not fill the last row.
+  const columns = state.is_printed ? paper_columns(figures.length)
+    : getComputedStyle(element('charts')).gridTemplateColumns.split(' ').length;
+  element('charts').classList.toggle('first', figures.length % columns > 0);
   // After all figures are there, which changes their sizes. Their times are below each other.
   const charts = figures.map(([sensor, place, readout]) => {
     const size = state.is_printed ? paper_chart(figures.length)
@@ -585,7 +590,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
   });
   lines.sort((one, other) => other.is_bold - one.is_bold);  // which have labels first
-  label_lines(lines, [left, 0, right, y(values.bottom)], labels, right + 14);
+  label_lines(lines, [left, 0, right + 6, y(values.bottom)], labels, right + 14);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
   place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
@@ -746,7 +751,7 @@ page_style.setProperty('--sensors', data.sensors.length);
 document.body.classList.toggle('tall', aspect < 1);
 document.body.classList.toggle('lone', data.sensors.length === 1);
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
-element('figures').classList.toggle('long', is_long);
+element('charts').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
 element('failed').hidden = !failure_words.length;
 element('moments').hidden = !data.is_of_several_times;
