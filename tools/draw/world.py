@@ -29,26 +29,23 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageOps
 
 MONOREPO = Path(__file__).resolve().parents[2] / 'monorepo'
-# Of the picture from above: its size and its focal length in pixels, and where the camera is.
-WIDTH, HEIGHT, FOCAL_PIXELS = 2000, 1100, 2850.0
+# Of the picture from above: its size and focal length in pixels, what is too near, and where the camera is.
+WIDTH, HEIGHT, FOCAL_PIXELS, NEAREST_M = 2000, 1100, 2850.0, 2.0
 FROM_MIDDLE_M, MARGIN_PIXELS = (-9.5, -8.5, 8.5), 18
-# With the offset of the text in points.
-NAMES = {19: ('tag 19', (-46, -42)), 2: ('tag 2\nfrom behind', (14, 95))}
 INK, BORDER, POINTS = '#1f2328', '#8c959f', 20  # 11 px on a phone 328 px wide
 
 
-def world_of(side_m: float, **camera: Any) -> RenderedWorld:
+def world_of(side_m: float, *camera: Any) -> RenderedWorld:
     """Return the world of the shipped layout with tags of a size."""
     layout = require_layout('')
     with tempfile.TemporaryDirectory() as folder:
-        return RenderedWorld(make_world(Path(folder), layout, find_walls(layout), side_m), **camera)
+        return RenderedWorld(make_world(Path(folder), layout, find_walls(layout), side_m), *camera)
 
 
 def draw_above() -> Figure:
     """Return the figure of the whole world with large tags, its axes, and the names of what it shows."""
     walls = find_walls(require_layout(''))
-    camera = {'width': WIDTH, 'height': HEIGHT, 'focal_length_pixels': FOCAL_PIXELS, 'nearest_m': 2.0}
-    world = world_of(LARGEST_SIDE_M, **camera)
+    world = world_of(LARGEST_SIDE_M, WIDTH, HEIGHT, FOCAL_PIXELS, NEAREST_M)
     middle = np.array([(walls.x0 + walls.x1) / 2, (walls.y0 + walls.y1) / 2, -1.0])
     view = View(middle + FROM_MIDDLE_M, middle)
 
@@ -62,30 +59,33 @@ def draw_above() -> Figure:
     left, top = np.min(corners, axis=0) - MARGIN_PIXELS
     right, bottom = np.add(np.max(corners, axis=0), (MARGIN_PIXELS, 5 * MARGIN_PIXELS))
     figure = pyplot.figure(figsize=(8.2, 8.2 * (bottom - top) / (right - left)))
-    axes: Any = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(world.look(*view))
-    axes.set(xlim=(left, right), ylim=(bottom, top))
+    axes: Any = figure.add_axes((0, 0, 1, 1), xlim=(left, right), ylim=(bottom, top))
+    picture = world.look(*view)
+    axes.imshow(np.where((picture == picture[0, 0]).all(axis=-1, keepdims=True), 255, picture))  # a white sky
     axes.set_axis_off()
     style = {'fontsize': POINTS, 'color': INK, **drawings.CENTRED}
-    line = {'color': INK, 'linewidth': 1.5}
+    line = {'color': INK, 'linewidth': 1.5, 'arrowstyle': '-', 'shrinkB': 8}
     # On top of the walls: those in front hide the floor at the origin.
     origin, *ends = (pixel(*at, height) for at in (walls[:2], (walls.x1, walls.y0), (walls.x0, walls.y1)))
     axes.text(origin[0], bottom - 2.2 * MARGIN_PIXELS, 'origin', **style)
     for end, name, metres, aside in zip(ends, 'xy', (walls.x1, walls.y1), (130, -130), strict=True):
         axes.text(*(origin + end) / 2 + (aside, 75), f'{name}, {metres:g} m', **style)
-        arrow = {'arrowstyle': '-|>', 'mutation_scale': 18, 'shrinkA': 0, 'shrinkB': 0, **line}
+        arrow = {**line, 'arrowstyle': '-|>', 'mutation_scale': 18, 'shrinkA': 0, 'shrinkB': 0}
         axes.annotate('', end, origin, arrowprops=arrow)
     axes.plot(*origin, 'o', color=INK)
-    for number, (text, offset) in NAMES.items():
-        at = pixel(*world.tags[number].centre)
-        arrow = {'arrowstyle': '-', 'shrinkB': 8, **line}
-        axes.annotate(text, at, offset, textcoords='offset points', arrowprops=arrow, **style)
+    for text, at, offset in (  # the offset in points
+        ('tag 19', world.tags[19].centre, (-46, -42)),
+        ('tag 2\nfrom behind', world.tags[2].centre, (14, 95)),
+        ('table', (*world.tables[7][:2], sdf.TABLE_HEIGHT_M / 2), (-42, -30)),
+        (f'wall, {height:g} m high', (x0, 2.6, height / 2), (-70, -66)),
+    ):
+        axes.annotate(text, pixel(*at), offset, textcoords='offset points', arrowprops=line, **style)
     return figure
 
 
 def draw_seen(tag: int, expected_tag: int, distance_m: float, degrees: float) -> Image.Image:
     """Return what confirm_tag publishes about what the camera of a robot at a tag sees, with a border."""
-    world = world_of(SIDE_M, width=960, height=600, focal_length_pixels=900.0)
+    world = world_of(SIDE_M, 960, 600, 900.0)
     picture = world.look(viewpoint(world.tags[tag], distance_m, degrees), world.tags[tag].centre)
     sight = Sight(TagDetector().detect(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)), picture)
     settings, now = Settings(), Moment(0.0, 0.0)
@@ -102,8 +102,8 @@ def draw_seen(tag: int, expected_tag: int, distance_m: float, degrees: float) ->
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date."""
     is_check = parser_of('world', __doc__).parse_args(arguments).check
-    code = (__file__, drawing.__file__, rendered_world.__file__, sdf.__file__)
-    files = [*code, shipped_file('tag_locations.json')]
+    layout = shipped_file('tag_locations.json')
+    files = (__file__, drawing.__file__, rendered_world.__file__, sdf.__file__, layout)
     fingerprint = hash_of(*(Path(str(file)).read_bytes() for file in files))
     draws: dict[str, Callable[[], Any]] = {
         'lupin_simulation/doc/above': draw_above,

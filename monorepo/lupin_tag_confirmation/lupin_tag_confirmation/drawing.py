@@ -1,5 +1,6 @@
 """Draw what the camera saw, and the verdict. Does not import ROS."""
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,12 @@ from lupin_tag_confirmation.confirmation import Detection
 from lupin_tag_confirmation.settings import Settings
 
 GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
-ASKED, PAPER = (255, 255, 255), (0, 0, 0)
-USUAL_WIDTH, BAR_PIXELS, FONT_PIXELS, PAD_PIXELS = 540, 48, 15, 5  # a wider picture has larger texts
-LINE_PIXELS, FINER = 4, 4  # of an outline: its width, and how much finer it is drawn than it is shown
+QUIET, PAPER = (210, 210, 210), (0, 0, 0)
+USUAL_SIZE, SMALLEST_SCALE = (540, 320), 0.75  # a larger picture has larger texts
+TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS, SPACING, MOST_LINES = 22, 17, 6, 1.25, 2
+LINE_PIXELS, FINER = 2.2, 4  # of an outline: its width, and how much finer it is drawn than it is shown
+# In a square with sides of 1.
+TICK, CROSS = ((0, 0.5), (0.35, 0.9), (1, 0.1)), ((0, 0), (1, 1), (0.5, 0.5), (0, 1), (1, 0))
 
 
 def draw(
@@ -21,42 +25,73 @@ def draw(
     Return a picture with its detections and the verdict as RGB, uint8 of the shape (height, width, 3).
 
     Each tag has its outline and id: green if it counts, orange if it does not, blue for another id. A bar at
-    the top shows which tag is looked for, and the reason why it is not confirmed, if there is one.
+    the top shows the verdict, and the reason why the tag is not confirmed, if there is one.
     """
     image = Image.fromarray(picture).convert('RGB')
     pen = ImageDraw.Draw(image)
-    scale = max(1.0, image.width / USUAL_WIDTH)
-    bar, pad = round(scale * BAR_PIXELS), round(scale * PAD_PIXELS)
-    row = bar // 2 - pad
-    pen.font = _font(round(scale * FONT_PIXELS))
-    for each in detections:
-        label, colour = [f'tag id {each.tag_number}, not {expected_number}'], OTHER
+    scale = max(SMALLEST_SCALE, min(np.divide(image.size, USUAL_SIZE)))
+    large, small, pad = (round(scale * pixels) for pixels in (TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS))
+    row, top = round(SPACING * small), pad + round(SPACING * large)
+    pen.font = _font(small)
+    why = reason.removeprefix(f'tag {expected_number}: ')
+    text = why or f'AprilTag id {expected_number} is in the camera image'
+    characters = (image.width - 3 * pad) * len(text) // _width(pen, text)
+    text = textwrap.fill(text, max(8, characters), max_lines=MOST_LINES, placeholder=' ...')
+    bar = top + row * (1 + text.count('\n')) + pad // 2
+    labels, taken = [], [np.array([0.0, 0.0, image.width, bar])]  # left, top, right and lower side of each
+    for each in sorted(detections, key=lambda each: each.tag_number != expected_number):
+        label, colour = [f'tag {each.tag_number}, not {expected_number}'], OTHER
         if each.tag_number == expected_number:
             colour = FLAWED if each.flaw(settings) else GOOD
             margin, least = each.decision_margin, settings.min_decision_margin
-            label = [f'tag id {each.tag_number}', f'contrast {margin:.0f} grey levels, {least:g} needed']
+            label = [f'tag {each.tag_number}', f'contrast {margin:.0f}, {least:g} needed']
             label += [f'hamming {each.hamming}'] if each.hamming else []
-        (left, top), (_, bottom) = ends = each.corners.min(axis=0), each.corners.max(axis=0)
-        around = np.add(ends, [[-LINE_PIXELS], [LINE_PIXELS]])
-        first, last = np.clip(around, 0, np.subtract(image.size, 1)).astype(int)
-        outline = Image.new('L', tuple((FINER * (last - first + 1)).tolist()))
-        corners = [tuple(corner) for corner in FINER * (each.corners - first + 0.5)]
-        ImageDraw.Draw(outline).line([*corners, *corners[:2]], 255, FINER * LINE_PIXELS, 'curve')
-        image.paste(colour, tuple(first.tolist()), outline.reduce(FINER))
-        border = (bottom - top) / 8  # white, one of the tag's modules wide
-        width = max(pen.getfont().getmask(line).size[0] for line in label)
-        right, low = width + 2.0 * pad, float(len(label) * row + pad)
-        x = max(min(float(left), image.width - right), 0.0)
-        y = min(float(bottom + border) + 6 * scale, image.height - low)
-        pen.rectangle((x, y, x + right, y + low), fill=PAPER)
+        _stroke(image, each.corners[[0, 1, 2, 3, 0]], round(scale * LINE_PIXELS), colour)
+        border = np.ptp(each.corners[:, 1]) / 8  # white, one of the tag's modules wide
+        taken.append(np.append(each.corners.min(axis=0) - border, each.corners.max(axis=0) + border))
+        labels.append((label, colour))
+    for (label, colour), tag in zip(labels, taken[1:], strict=True):
+        size = np.array([max(_width(pen, line) for line in label) + 2 * pad, len(label) * row + pad])
+        taken.append(_place(size, tag, pad, np.array([0, bar]), image.size - size, taken))
+        x, y = taken[-1][:2]
+        pen.rectangle(tuple(taken[-1] - (0, 0, 1, 1)), fill=PAPER)
         for number, line in enumerate(label):
             pen.text((x + pad, y + pad / 2 + number * row), line, fill=colour)
-    pen.rectangle((0, 0, image.width, bar), fill=PAPER)
-    pen.text((2 * pad, pad), f'camera image: looking for tag id {expected_number}', fill=ASKED)
-    why = reason.removeprefix(f'tag {expected_number}: ')
-    answer, colour = (f'not confirmed; {why}', FLAWED) if why else ('confirmed', GOOD)
-    pen.text((2 * pad, bar // 2), answer, fill=colour)
+    pen.rectangle((0, 0, image.width, bar - 1), fill=PAPER)
+    pen.text((2 * pad, top), text, fill=QUIET, spacing=row - small)
+    mark, colour = (CROSS, FLAWED) if why else (TICK, GOOD)
+    _stroke(image, np.add(np.multiply(mark, 0.7 * large), (2 * pad, 1.9 * pad)), scale * 3.5, colour)
+    pen.font = _font(large)
+    answer = f'tag {expected_number} {"not " if why else ""}confirmed'
+    for bolder in range(1 + round(scale) * hasattr(pen.font, 'size')):  # not the small font of Pillow 9.0
+        pen.text((2.5 * pad + large + bolder, pad), answer, fill=colour)
     return np.asarray(image)
+
+
+def _place(size: Any, tag: Any, gap: int, least: Any, most: Any, taken: list[Any]) -> Any:
+    """Return the sides of a label: below, above or beside its tag, where it hides least of what is taken."""
+    (left, above, right, below), (width, height) = tag, size
+    corners = [(x, y) for y in (below + gap, above - gap - height) for x in (left, right - width)]
+    corners += [(right + gap, above), (left - gap - width, above)]
+    starts = np.clip(corners, least, np.maximum(least, most))[:, None]
+    others = np.array(taken)
+    common = np.minimum(starts + size, others[:, 2:]) - np.maximum(starts, others[:, :2])
+    start = starts[common.clip(0).prod(axis=2).sum(axis=1).argmin(), 0]
+    return np.append(start, start + size)
+
+
+def _stroke(image: Image.Image, points: Any, width: float, colour: tuple[int, int, int]) -> None:
+    """Draw a smooth line through points."""
+    ends = points.min(axis=0) - width, points.max(axis=0) + width
+    first, last = np.clip(ends, 0, np.subtract(image.size, 1)).astype(int)
+    mask = Image.new('L', tuple((FINER * (last - first + 1)).tolist()))
+    corners = [tuple(corner) for corner in FINER * (points - first + 0.5)]
+    ImageDraw.Draw(mask).line(corners, 255, round(FINER * width), 'curve')
+    image.paste(colour, tuple(first.tolist()), mask.reduce(FINER))
+
+
+def _width(pen: Any, text: str) -> int:
+    return int(pen.getfont().getmask(text).size[0])
 
 
 def _font(pixels: int) -> Any:

@@ -12,7 +12,7 @@ from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, 
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
-from lupin_tag_confirmation.drawing import BAR_PIXELS, GOOD
+from lupin_tag_confirmation.drawing import GOOD
 from lupin_tag_confirmation.settings import TOPICS
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
@@ -121,7 +121,7 @@ def test_what_was_judged_can_be_seen_and_a_picture_that_cannot_be_drawn_costs_on
     last = seen[-1]
     assert (last.encoding, last.width, last.height, last.step) == ('rgb8', 320, 240, 960)
     picture = np.frombuffer(last.data, np.uint8).reshape(240, 320, 3)
-    assert (picture[BAR_PIXELS:] == GOOD).all(axis=-1).any()
+    assert (picture[60:] == GOOD).all(axis=-1).any()
     monkeypatch.setattr(confirm_tag, 'draw', lambda *_: 1 / 0)
     assert perception.confirm('7', image_of(TAG_7)).detected
     assert f'cannot draw {topic}: ZeroDivisionError: division by zero' in capfd.readouterr().err
