@@ -1,5 +1,6 @@
 """The page of readings in a real browser, without a network."""
 
+import io
 import itertools
 import json
 import os
@@ -16,7 +17,7 @@ from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
-from PIL import ImageColor
+from PIL import Image, ImageColor
 
 pytestmark = [pytest.mark.heavy, pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)]
 START_S = 1795190000
@@ -110,8 +111,7 @@ BEYOND_CARD = """
     return width && right > card.getBoundingClientRect().right - parseFloat(padding);
 }).map(each => each.textContent)
 """
-# Each row of the phone's table with a cell that leaves the window, covers another one, lacks its unit or has
-# a space after a text without one, or whose cells are not in its middle.
+# Each row of the phone's table with a cell that is cut, covered, without its unit or not in the middle.
 BAD_ROWS = """
 [...document.querySelectorAll('#table tr')].filter(row => {
     const box_of = each => each.getBoundingClientRect(), frame = box_of(row);
@@ -133,9 +133,11 @@ SMALLEST_TARGET = """
 Math.min(...[...document.querySelectorAll('#tabs button, select, label, #chosen button')]
     .map(each => each.offsetHeight))
 """
-GROUNDS = (
-    "[...new Set([...document.querySelectorAll('.bench')].map(each => getComputedStyle(each).fill))].length"
-)
+GROUNDS = "new Set([...document.querySelectorAll('.bench')].map(each => getComputedStyle(each).fill)).size"
+# The middle of the colours' bar, and of the first dot with a colour.
+MIDDLES = """
+['#bar i', '#map .value'].map(name => document.querySelector(name).getBoundingClientRect()).map(
+    ({ x, y, width, height }) => [x + width / 2, y + height / 2])"""
 IS_DRAWN = """
 [...document.querySelectorAll('#map, .charting')].every(
     each => Math.abs(each.clientWidth - each.firstChild.clientWidth) < 3)
@@ -318,6 +320,11 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     path.write_text(visit(0, '1', ['ph']).replace('20.0', '1e17') + '\n', encoding='utf-8')
     page = open_page(path)
     assert page.evaluate(COLOURS).startswith('#21918c')  # the middle of viridis
+    page.emulate_media(color_scheme='dark')
+    shot = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert('RGB')
+    bar, dot = (shot.getpixel(tuple(at)) for at in page.evaluate(MIDDLES))
+    assert dot == pytest.approx(bar, abs=3)
+    assert min(dot) > 0x21 + 40  # lighter, on the dark page
     path.write_text(visit(0, '1', [], 'TIMEOUT') + '\n', encoding='utf-8')
     boxes = open_page(path).evaluate(BOXES)
     assert boxes['#bar']['height'] == boxes['#charts']['height'] == 0
@@ -411,9 +418,8 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
     way = [(3, 6)] * 2 + [(1.8, 5.4)] * 2 + [(1.6, 4.1)] + [(0.8, 4)] * 2 + [(1.6, 4.1)] + [(2, 4.5)] * 2
     route.write_text('\n'.join(f'{x},{y}' for x, y in ('xy', (0.5, 0.5), *way, (0.5, 0.5))), encoding='utf-8')
     page = open_page(report, '--walls', '0', '0', *map(str, walls), width=320, height=height)
-    assert (
-        page.evaluate("document.querySelectorAll('#map .stop, #map .arrow').length") == 4 + 5
-    )  # of each leg
+    marks = page.evaluate("document.querySelectorAll('#map .stop, #map .arrow').length")
+    assert marks == 4 + 5  # of each leg
     boxes, widths = {}, [320, 360, 412, 560, 703, 704, 768, 900, 1280, 1920, 2560]
     for width in widths:
         page.set_viewport_size({'width': width, 'height': height})
@@ -472,9 +478,7 @@ def test_a_phone_shows_the_map_first_and_cuts_no_text(report, open_page, width):
 
 
 @pytest.mark.parametrize(('count', 'columns'), [(100, [1]), (100_000, [1] * 5), (100, [3] * 5)], ids=str)
-def test_charts_are_equally_wide_and_a_moment_is_at_the_same_place_in_all(
-    tmp_path, open_page, count, columns
-):
+def test_charts_are_equally_wide_and_their_times_below_each_other(tmp_path, open_page, count, columns):
     path, tags, sensors = tmp_path / 'day.sqlite', list(find_layout('').tags), len(columns)
     stamps = [(START_S + number) * 10**9 for number in range(count)]
     rows = [
@@ -495,9 +499,7 @@ def test_charts_are_equally_wide_and_a_moment_is_at_the_same_place_in_all(
     assert (page.evaluate(bands) > 0) == ('the line is their median' in page.evaluate(told)) == is_binned
 
 
-@pytest.mark.skipif(
-    not AXE.exists(), reason='axe-core is missing: sudo apt install npm, then make test-heavy'
-)
+@pytest.mark.skipif(not AXE.exists(), reason='no axe-core: sudo apt install npm, then make test-heavy')
 @pytest.mark.parametrize('width', [1400, 390])
 def test_axe_finds_no_fault(report, open_page, width):
     page = open_page(report, width=width)
@@ -541,7 +543,7 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
         assert report.name in text
         assert f'page {number} of 2' in text
     assert 'temperature (°C)' in texts[0]
-    assert texts[0].count('lowest') == 6  # above the large map, and below each small one
+    assert texts[0].count('lowest') == 5  # above the large map, and beside each other one
     assert '(28 s), continued' in texts[1].replace('\xa0', ' ')
     assert 'Last reading of each tag' in texts[1]
     assert 'When each tag was read' in texts[1]
@@ -573,9 +575,7 @@ def test_the_header_of_the_table_stays_while_the_page_scrolls(report, open_page,
     )
 
 
-def test_the_lines_of_the_lowest_and_the_highest_value_stand_out_and_the_axis_follows_the_values(
-    tmp_path, open_page
-):
+def test_the_lowest_and_the_highest_line_stand_out_and_the_axis_follows_the_values(tmp_path, open_page):
     path, tags = tmp_path / 'hour.sqlite', find_layout('').tags
     moments = [(START_S + 60 * n) * 10**9 for n in range(60)]
     open_store(str(path)).keep(

@@ -29,7 +29,7 @@ for (const { extremes, unit } of data.sensors) {
 const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER_MAP = [440, 740];  // in print, as the next one
+const PAPER_MAP = [400, 740];  // in print, as the next one
 const paper_columns = count => is_long ? 1 : Math.min(count, 3);
 const paper_chart = count => [704 / paper_columns(count) - 12, is_long ? 190 : count % 3 ? 175 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
