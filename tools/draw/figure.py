@@ -56,7 +56,7 @@ def save(drawing: Any, path: Path, fingerprint: str) -> None:
     """Write a Figure or an Image as PNG with its fingerprint."""
     if isinstance(drawing, Figure):
         picture = io.BytesIO()
-        drawing.savefig(picture, dpi=110)
+        drawing.savefig(picture)
         pyplot.close(drawing)
         drawing = Image.open(picture).convert('RGB')
     metadata = PngImagePlugin.PngInfo()

@@ -51,7 +51,7 @@ def in_style(scheme: str, points: float, draw: Callable[..., Figure], *arguments
     """Return a figure in the light or the dark scheme with texts of this size."""
     pads = dict.fromkeys(('figure.constrained_layout.w_pad', 'figure.constrained_layout.h_pad'), 0.1)
     sizes = dict.fromkeys(('font.size', 'axes.titlesize', 'figure.titlesize'), points)
-    with pyplot.rc_context(SCHEMES[scheme] | pads | sizes):
+    with pyplot.rc_context({'figure.dpi': 110} | SCHEMES[scheme] | pads | sizes):
         return draw(*arguments)
 
 
@@ -127,13 +127,13 @@ def draw_reading(
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
     ink, paper = pyplot.rcParams['text.color'], pyplot.rcParams['axes.facecolor']
     disc = {'facecolor': paper, 'edgecolor': ink, 'linewidth': 3}
-    nose = np.add(drawings.DART, (1.0 - max(drawings.DART)[0], 0.0))  # its tip is at the rim
-    drawings.draw_robot(axes, pose, radius_m, disc, ink, nose)
+    ray = {'color': ink, 'linewidth': 3.5, 'zorder': 2.2}
+    drawings.draw_robot(axes, pose, radius_m, disc, ray)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
     rim = drawings.ahead_of(pose, radius_m)
-    for start, end, dashes in ((pose[:2], rim, '-'), (rim, tag[:2], (0, (2, 0.6)))):
-        axes.plot(*zip(start, end, strict=True), color=ink, linestyle=dashes, linewidth=3.5, zorder=2.2)
+    drawings.draw_head(axes, pose[:2], rim, radius_m, ink)
+    axes.plot(*zip(rim, tag[:2], strict=True), linestyle=(0, (2, 0.6)), **ray)
     random.seed(README_SEED)
     lines = [f'tag {tag_id}:']
     for name in tag.sensors:

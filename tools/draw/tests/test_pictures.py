@@ -20,7 +20,7 @@ import simulated
 import subsets
 import tag_sheet
 import yaml
-from lupin_greenhouse_bridge.display import placing
+from lupin_greenhouse_bridge.display import drawings, placing
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_greenhouse_bridge.units import unit_of
 from lupin_tag_confirmation.detector import TagDetector
@@ -239,7 +239,8 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert len(written) == len(ids) + len(stops) + 2
     assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
     assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
-    lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
+    headings = [line for line in axes.lines if line.get_linewidth() == drawings.HEADING['linewidth']]
+    lines = [line for line in axes.lines if len(line.get_xydata()) > 1 and line not in headings]
     sights = [line for line in lines if line.get_linestyle() == '--']
     assert {tuple(line.get_xydata()[-1]) for line in sights} == {
         (tag['x'], tag['y']) for tag in tags.values()
@@ -255,8 +256,12 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     on_lines = [stop for stop in stops if stop.get_color() == figure.colours.ROUTE]
     ways = [line.get_transform().transform_path(line.get_path()) for line in lines]
     for text in ids + on_lines:
-        crossed = sum(way.intersects_bbox(boxes[text], filled=False) for way in ways)
+        crossed = sum(way.intersects_bbox(boxes[text].padded(-2), filled=False) for way in ways)
         assert crossed == (text in on_lines), text.get_text()
+    for text in on_lines:
+        steps = ([step[:2] for step in placing.steps_of(line.get_xydata(), 0.01)] for line in sights)
+        _, to_next, *_ = sorted(min(math.dist(text.get_position(), step) for step in way) for way in steps)
+        assert to_next > 0.18, text.get_text()
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
@@ -264,8 +269,8 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
     greenhouse = simulated.Greenhouse('', '')
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
     approaches = simulated.find_approaches(layout, walls, simulated.ViewingLimits(robot_radius_m=radius_m))
-    (axes,) = figure.drawings.draw_route(layout, walls, approaches, greenhouse.route).axes
-    width = figure.drawings.LEADER_POINTS
+    (axes,) = drawings.draw_route(layout, walls, approaches, greenhouse.route).axes
+    width = drawings.LEADER_POINTS
     lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == width]
     for text in (each for each in axes.texts if each.get_color() != figure.colours.TAG_ID):
         for number in re.findall(r'\d+', text.get_text()):
@@ -274,7 +279,7 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
             if radius_m < 0.2:
                 assert any(math.dist(end, pose[:2]) == pytest.approx(radius_m) for end in ends)
             else:
-                ahead = figure.drawings.ahead_of(pose, math.dist(place, pose[:2]))
+                ahead = drawings.ahead_of(pose, math.dist(place, pose[:2]))
                 assert place == pytest.approx(ahead)
 
 
@@ -286,13 +291,15 @@ def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     radius_m = simulated.ViewingLimits().robot_radius_m
     robots = [each for each in discs_of(axes) if each.radius == radius_m]
-    noses = [each.get_xy() for each in axes.patches if type(each) is Polygon]
+    heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
+    rays = [line for line in axes.lines if line.get_linewidth() == drawings.HEADING['linewidth']]
     assert len(robots) == len(tags)
-    for disc, (tip, _, back, *_) in zip(robots, noses, strict=True):
-        headings = [math.atan2(tag['y'] - disc.center[1], tag['x'] - disc.center[0]) for tag in tags.values()]
-        for start in (disc.center, back):
-            heading = math.atan2(*(tip - start)[::-1])
-            assert min(abs(math.remainder(each - heading, math.tau)) for each in headings) < 1e-6
+    for disc, ray, (tip, _, back, *_) in zip(robots, rays, heads, strict=True):
+        (x, y), (_, rim) = disc.center, ray.get_xydata()
+        assert math.dist(rim, (x, y)) == pytest.approx(radius_m)
+        to_tag = min(((tag['x'], tag['y']) - tip for tag in tags.values()), key=np.linalg.norm)
+        for along in (tip - (x, y), tip - back, rim - (x, y)):
+            assert to_tag == pytest.approx(0.052 * along / np.linalg.norm(along), abs=0.001)
     assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))
 
 

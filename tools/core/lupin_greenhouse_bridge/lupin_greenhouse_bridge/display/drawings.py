@@ -38,9 +38,9 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-DART = (0.38, 0.0), (-0.3, 0.26), (-0.18, 0.0), (-0.3, -0.26)  # the corners of a robot's nose, in radii
-NOSE = np.add(DART, (0.9, 0.0))  # where it usually is
-NEAREST_NOSE, CROWDED_NOSE = 0.6, 0.6  # its place in radii, and its size where stops are close
+ROUTE_ZOOM, ROUTE_DPI = 1.15, 126  # the first is of the marks and the texts, if tags are few
+HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
+HEAD_M, BEFORE_TAG_M = 0.15, 0.045  # its scale on a line of sight, and where it ends
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -55,19 +55,21 @@ def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
 BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
+RIM = f'{colours.ROUTE}80'
 SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
 # In the key, as the next two.
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 ROBOT = (
-    point_style('o', f'{colours.ROUTE}30', 18, markeredgewidth=0),
-    point_style('o', colours.ROUTE, 10),
-    point_style(NOSE, colours.ROUTE, 22, markeredgewidth=0),
-    point_style(r'$\mathbf{7}$', 'white', 5, markeredgewidth=0),
+    point_style('o', f'{colours.ROUTE}14', 18, markeredgecolor=RIM, markeredgewidth=0.7),
+    point_style([(0, 0.08), (1, 0.08), (1, -0.08), (0, -0.08)], colours.ROUTE, 18, markeredgewidth=0),
+    point_style('o', colours.ROUTE, 11),
+    point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
 )
+AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.ROUTE, 20, markeredgewidth=0)
 FURTHER = (
     SIGHT,
-    point_style('o', 'white', 10, markeredgecolor=colours.ROUTE),
-    point_style(r'$\mathbf{7}$', colours.ROUTE, 5, markeredgewidth=0),
+    point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
+    point_style(r'$\mathbf{7}$', colours.ROUTE, 6, markeredgewidth=0),
 )
 
 
@@ -93,8 +95,10 @@ class LabelSize(NamedTuple):
 
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
-DIGITS = LabelSize(0.088, 0.0, 0.15)  # of the number at a robot's centre
-SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}14', 'linewidth': 0}
+# Of the number at a robot's centre, and of the id of a tag.
+DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.06, 0.17)
+SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}14', 'edgecolor': RIM, 'linewidth': 0.7}
+HEADING: Style = {'color': colours.ROUTE, 'linewidth': 1.4, 'solid_capstyle': 'butt', 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
 
@@ -220,21 +224,23 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box]) -> None:
 
 
 def draw_robot(
-    axes: Any,
-    pose: ApproachPose,
-    radius_m: float,
-    disc: Style = SEE_THROUGH,
-    colour: str = colours.ROUTE,
-    corners: np.ndarray = NOSE,
+    axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH, heading: Style = HEADING
 ) -> None:
-    """Draw the disc of the robot to scale, and over every disc and line of sight its nose, given in radii."""
-    from matplotlib.patches import Circle, Polygon
+    """Draw the disc of the robot to scale, and its heading as a line from the centre to the rim."""
+    from matplotlib.patches import Circle
 
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    corners = pose[:2] + radius_m * corners @ [(cos, sin), (-sin, cos)]
-    nose: Style = {'facecolor': colour, 'edgecolor': 'white', 'linewidth': 0.4, 'zorder': 2.1}
-    axes.add_patch(Polygon(corners, **nose))
     axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
+    axes.plot(*zip(pose[:2], ahead_of(pose, radius_m), strict=True), **heading)
+
+
+def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str = colours.ROUTE) -> Box:
+    """Draw the head of an arrow over every disc and line; return what it covers."""
+    from matplotlib.patches import Polygon
+
+    cos, sin = np.subtract(tip, start) / math.dist(start, tip)
+    corners = tip + scale_m * HEAD @ [(cos, sin), (-sin, cos)]
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor='white', linewidth=0.4, zorder=2.1))
+    return Box(*corners.mean(axis=0), *np.ptp(corners, axis=0))
 
 
 def ahead_of(pose: ApproachPose, distance_m: float) -> Point:
@@ -258,8 +264,9 @@ def draw_route(
 
     poses, robot_radius_m = approaches.poses, approaches.free_space.robot_radius_m
     width_m, height_m, scale = scale_of(layout, walls)
+    scale *= ROUTE_ZOOM if len(layout.tags) <= USUAL_TAGS else 1.0
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.7), layout='constrained')
+    figure = Figure((max(4.0, width + 0.6), height + 2.6), ROUTE_DPI, layout='constrained')
     axes = figure.add_subplot(anchor='N')  # all the room that is left is for the key
     if occupancy is not None:
         _draw_map(axes, occupancy)
@@ -268,25 +275,24 @@ def draw_route(
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
-    for _, line in stops:
-        axes.plot(*zip(*line, strict=True), **SIGHT, zorder=1.9)
+    heads = [_draw_sight(axes, *line, scale) for _, line in stops]
+    for pose, _ in stops:
+        draw_robot(axes, pose, robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     digits = DIGITS.times(scale).box(str(len(stops)))
     has_room = math.hypot(*digits) < robot_m
-    robots = [Box(*pose[:2], robot_m, robot_m) for pose, _ in stops]
+    side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
+    robots = [Box(*pose[:2], side_m, side_m) for pose, _ in stops]
     ways = [route.points_m, *(line for _, line in stops)]
     lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    taken = [*lines, *(dot for _, dot, _ in labels)]
+    marked = [*heads, *(dot for _, dot, _ in labels)]
+    solid, further = robots, list[Box]()
     if has_room:
-        solid, further = _draw_stops(axes, stops, robot_radius_m, digits, taken)
-    else:
-        solid, further = robots, []
-        for pose, _ in stops:
-            draw_robot(axes, pose, robot_radius_m)
+        solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, marked)
     if route.points_m:
         draw_path(axes, route.points_m, solid)
-    taken += robots + further
+    taken = [*lines, *marked, *robots, *further]
     bounds = box_of(walls)
     end_m = max(END_M, robot_m)
     ends = [
@@ -294,62 +300,76 @@ def draw_route(
         for word, (x, y, *_) in ends_of_path(route.points_m).items()
     ]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
-    taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, zorder=6)
+    taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {**SIGHT, 'linestyle': '-', 'marker': '>', 'markersize': 5},
-        f'stop with its number: the robot (radius {robot_radius_m:g} m), facing the tag': ROBOT,
-        'from a stop to the tag that it reads': SIGHT,
-        **({'crowded stop: its number is on its line to the tag': FURTHER} if further else {}),
+        f'stop: the robot (radius {robot_radius_m:g} m) and its heading': ROBOT if has_room else ROBOT[:2],
+        'line of sight to the tag that it reads': AIMED,
+        **({'number of a crowded stop, on its line of sight': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
-    marks |= {'obstacle in the map': point_style('s', colours.OBSTACLE, 8)} if occupancy is not None else {}
+    if occupancy is not None:
+        marks['obstacle in the map'] = point_style('s', colours.OBSTACLE, 9)
+        if occupancy.is_unknown.any():
+            marks['unknown in the map'] = point_style('s', colours.UNKNOWN_PART, 9, alpha=0.5)
     write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
 
+def _draw_sight(axes: Any, start: Point, end: Point, scale: float) -> Box:
+    """Draw the line of sight from a stop to its tag; return what the head of its arrow covers."""
+    share = 1.0 - scale * BEFORE_TAG_M / math.dist(start, end)
+    tip = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+    axes.plot(*zip(start, end, strict=True), **SIGHT, zorder=1.9)
+    return draw_head(axes, start, tip, scale * HEAD_M)
+
+
 def _draw_stops(
     axes: Any,
-    stops: Sequence[tuple[ApproachPose, Sequence[Point]]],
-    radius_m: float,
+    poses: Sequence[ApproachPose],
+    ways: Sequence[Sequence[Point]],
     digits: tuple[float, float],
     taken: Sequence[Box],
 ) -> tuple[list[Box], list[Box]]:
     """
-    Draw the robot at each stop, given with its line of sight, and the number of the stop, of this size.
+    Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
 
-    A number is on a disc at its stop, or on its line of sight where another's line crosses that disc: near
-    the robot, where it covers least. Return the boxes of all that is drawn, and of the numbers on lines.
+    A number is on a disc at its stop. Where another stop or its line of sight is too close, the number is on
+    its own line of sight: where it covers least and is far from other ways. Return the boxes of all that is
+    drawn, and of the numbers on lines.
     """
     from matplotlib.patches import Circle
 
-    disc_m, nose_m = math.hypot(*digits) / 2, np.ptp(DART) * radius_m
-    steps = [(x, y, n) for n, (_, line) in enumerate(stops) for x, y, _ in steps_of(line, disc_m / 4)]
+    disc_m = math.hypot(*digits) / 2
+    steps = [(x, y, n) for n, way in enumerate(ways) for x, y, _ in steps_of(way, disc_m / 4)]
     points = np.reshape(steps, (-1, 3))
-    solid, further = [], {}
-    for number, (pose, line) in enumerate(stops):
+    solid, further = list[Box](), []
+    for number, pose in enumerate(poses, start=1):
         is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        dot_m, size = disc_m, 1.0
-        if (is_near & (points[:, 2] != number)).any():
-            dot_m, size = disc_m / 4, CROWDED_NOSE
-            further[number + 1] = line
+        is_near &= (points[:, 2] != 0) & (points[:, 2] != number)
+        discs = (math.dist(pose[:2], box[:2]) < disc_m + box.width / 2 for box in solid)
+        dot_m = disc_m
+        if is_near.any() or any(discs):
+            dot_m = disc_m / 4
+            further.append(number)
         else:
-            axes.text(*pose[:2], number + 1, **NUMBER)
-        nose_at = max(dot_m / radius_m - min(DART)[0], NEAREST_NOSE)
-        nose = ahead_of(pose, nose_at * radius_m)
+            axes.text(*pose[:2], number, **NUMBER)
         axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
-        draw_robot(axes, pose, radius_m, corners=np.add(np.multiply(size, DART), (nose_at, 0.0)))
-        solid += [Box(*pose[:2], 2 * dot_m, 2 * dot_m), Box(*nose, nose_m, nose_m)]
-    plate = {'boxstyle': 'circle,pad=0.15', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
-    for number, line in further.items():
-        length_of_line_m, first_m = math.dist(*line), radius_m + disc_m
-        shares = np.linspace(first_m, max(length_of_line_m - 1.5 * disc_m, first_m), 9) / length_of_line_m
+        solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
+    plate = {'boxstyle': 'circle,pad=0.1', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
+    for number in further:
+        line, others = ways[number], points[points[:, 2] != number, :2]
+        ends = np.array([1.3, -2.05]) * disc_m / math.dist(*line) + (0.0, 1.0)
+        shares = np.linspace(ends[0], max(ends), 17)
         places = np.outer(1 - shares, line[0]) + np.outer(shares, line[1])
         tries = np.hstack([places, np.full((len(places), 2), 2 * disc_m)])
-        best = overlaps(tries, np.array([*taken, *solid])).sum(axis=1).round(3).argmin()
+        to_others_m = np.hypot(*(places[:, None] - others).T).min(axis=0)
+        costs = overlaps(tries, np.array([*taken, *solid])).sum(axis=1) / (2 * disc_m) ** 2
+        best = (costs + np.maximum(2.0 - to_others_m / disc_m, 0.0)).round(3).argmin()
         solid.append(Box(*tries[best]))
         axes.text(*places[best], number, **{**NUMBER, 'color': colours.ROUTE}, bbox=plate)
     return solid, solid[len(solid) - len(further) :]
@@ -362,7 +382,7 @@ def _write_numbers_beside(
     groups = join_stops(stops, scale * JOINED_M)
     middles = {text: np.mean(group, axis=0) for text, group in groups.items()}
     numbers = [(text, Box(x, y, 2 * radius_m, 2 * radius_m), 'white') for text, (x, y) in middles.items()]
-    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
+    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.5', 'color': colours.ROUTE}
     boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
     for box, (text, _, _) in zip(boxes, numbers, strict=True):
         for stop in groups[text]:
