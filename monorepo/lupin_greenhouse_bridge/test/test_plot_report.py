@@ -74,6 +74,7 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
         'CO₂ (ppm)',
         '1: 22.6',
         '5: 615',
+        '1 tag',
         'y (m)',
         'lowest 22.6 °C at tag 1\nhighest 24.0 °C at tag 5',
         '7 timeout',
@@ -90,7 +91,7 @@ def test_what_is_the_same_is_told_once(drawn):
     failed = [visit(tag_id, 'TIMEOUT', 'no reply') for tag_id in ('7', '9')]
     figure = drawn(visit('4', temperature=20.66), *failed)
     texts = texts_in(figure)
-    assert {'7', '9', 'tag that was not read: timeout', '20.7 °C at tag 4'} <= set(texts)
+    assert {'7', '9', 'tag not read: timeout', '20.7 °C at tag 4'} <= set(texts)
     assert not any('lowest ' in text or ' to ' in text or SEVERAL_TIMES in text for text in texts)
     assert not any(each.get_markersize() == 13 for each in figure.axes[0].lines)
 
@@ -158,9 +159,13 @@ def test_no_line_above_or_below_five_wide_panels_is_covered_or_cut(tmp_path):
 
 
 @pytest.mark.parametrize(('count', 'columns'), [(4, 2), (5, 3)])
-def test_the_panels_are_in_rows_of_up_to_three_with_few_empty_cells(drawn, count, columns):
-    figure = drawn(visit('1', **dict.fromkeys([*UNITS][:count], 20.0)))
+def test_the_panels_are_in_rows_of_up_to_three_and_no_text_above_one_reaches_the_next(drawn, count, columns):
+    names = *[*UNITS][: count - 2], 'a_sensor_with_a_name_that_is_longer_than_its_panel', 'b'
+    figure = drawn(visit('1', **dict.fromkeys(names, 20.0)), visit('5', b=20.0))
     assert figure.axes[0].get_gridspec().ncols == columns
+    named, right = figure.axes[count - 2 : count]
+    for text in (named.title, *named.texts[:2]):
+        assert text.get_window_extent(renderer_of(figure)).x1 < right.get_window_extent().x0
 
 
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layout):
@@ -239,6 +244,7 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, draw
     assert foot.y1 < key.y0 < key.y1 < head.y0
     assert foot.x0 == pytest.approx(head.x0)
     assert {text.get_text() for text in figure.axes[0].texts} > set(shipped_tags)
+    assert len({round(axes.title.get_window_extent().y0) for axes in figure.axes if axes.get_title()}) == 2
     for axes in (axes for axes in figure.axes if axes.texts):
         boxes = [text.get_window_extent() for text in axes.texts]
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))

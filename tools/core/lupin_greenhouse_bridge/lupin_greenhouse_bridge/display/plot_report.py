@@ -1,6 +1,7 @@
 """`ros2 run lupin_greenhouse_bridge plot_report FILE`: draw the last readings of a file."""
 
 import argparse
+import math
 import textwrap
 import time
 from collections import Counter
@@ -16,24 +17,29 @@ from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from lupin_greenhouse_bridge.display.drawings import LabelSize, Style, point_style
 from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
-from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.runtime.output import said_if_slow
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
-MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
+# In inches: from the left of a panel to that of the next one, between them, and of all columns.
+SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
+LEFT, BELOW, ABOVE = 0.37, 0.57, 1.76  # inches for the labels of the axes, and between two rows
+MOST_COLUMNS, MOST_WIDER = 3, 3.0  # panels in a row; by what a wide greenhouse is wider than a usual one
 # The sizes of marks, which scale_of() scales.
-LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.07, 0.25, 0.15, 0.105, LabelSize(0.119, 0.119, 0.238)
+LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.083, 0.31, 0.21, 0.125, LabelSize(0.125, 0.095, 0.283)
 POINTS = 9.0  # of the labels and the key
-ABOVE_MAP, ABOVE_BAR = 28, 82  # points from a map to a title without and with a bar of colours between them
+ABOVE_MAP, ABOVE_KEY = 67, 18  # points from a map to its title, and to the key of the route
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5)
 UNREAD = READ | {'markerfacecolor': 'white'}
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
-MOST_NAMED = 30  # tags in a line of failures
+KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
+MOST_NAMED, MOST_WORDS = 30, 6  # tags in a line of failures, and in a map with the word for each
+KEY_INCHES = 2.2  # the width of a column of the key
 CHARACTERS = 140.0  # in an inch, divided by the points of their font
 
 
@@ -97,11 +103,13 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
             f"'{path}': tag '{escaped(strangers[0], 64)}' has no position in the tag file: name the bridge's"
             ' own with --tag-file'
         )
-    scale = drawings.scale_of(layout, recording.walls)[2]
+    width_m, height_m, scale = drawings.scale_of(layout, recording.walls)
+    wider = width_m / height_m * drawings.USUAL_HEIGHT_M / drawings.USUAL_WIDTH_M
+    scale /= min(max(1.0, math.sqrt(wider)), MOST_WIDER)  # so that its labels have as much room
     shown = Greenhouse(layout, recording.walls, scale, recording.route, readings, failed)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
-    figure = Figure(layout='constrained')
+    figure = Figure()
     panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown)
     if has_ways:
         _draw_ways(panels[0], shown)
@@ -109,20 +117,22 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
         _draw_readings(axes, sensor, shown, limits[sensor])
     drawn = {line.get_label() for axes in panels for line in axes.lines}
     key = _write_key(figure, empty_cell, shown, drawn)
-    _write_texts(panels[has_ways].title, key, path.name, rows, failures, shown)
+    _write_texts(panels[0].title, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
 def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
-    rows = -(-count // MOST_COLUMNS)
-    columns = -(-count // rows)
-    width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
-    width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.8) * columns, rows * (height + 2.0))
-    grid = figure.subplots(
-        rows, columns, sharey=True, squeeze=False, gridspec_kw={'hspace': 0.1, 'wspace': 0.12}
-    )
+    sizes_m = drawings.scale_of(shown.layout, shown.walls)[:2]
+    width, height = (size_m / shown.scale * INCHES_PER_M for size_m in sizes_m)
+    gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
+    most = min(max(1, int(WIDEST / (width + gap))), MOST_COLUMNS)
+    rows = -(-count // most)
+    columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
+    all_width, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + ABOVE) - ABOVE
+    figure.set_size_inches(all_width, all_height)
+    figure.subplots_adjust(LEFT / all_width, BELOW / all_height, 1.0, 1.0, gap / width, ABOVE / height)
+    grid = figure.subplots(rows, columns, sharey=True, squeeze=False, subplot_kw={'anchor': 'NW'})
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
     for axes in grid.flat[count:]:
@@ -134,9 +144,9 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], A
 
 def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
+    from matplotlib.transforms import offset_copy
+
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
-    more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    _write_title(axes, 'route' if route else 'tags read or not', more, ABOVE_MAP)
     _draw_others(axes, shown, {*failed})
     if route:
         lanes = placing.lanes_of(route)
@@ -144,21 +154,24 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         drawings.draw_path(axes, points, placing.marks_of(route, shown.scale * placing.ARROW_M))
         axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
+    more = f'the robot drove {length_m(route):.1f} m' if route else ''
+    _write_title(axes, shown, 'route' if route else 'tags read or not', more)
+    place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
+    place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
+    drawings.write_key(axes, _marks_of_ways(shown), columns=2, **place).set_in_layout(False)
     gap_m = shown.scale * GAP_M
     sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
     dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
-    has_one_word = len(set(failed.values())) == 1  # which the key tells
+    is_told = len(set(failed.values())) == 1 or len(failed) > MOST_WORDS  # by the key or the lines above
     labels = [
-        (tag_id if has_one_word else f'{tag_id} {word}', dots[tag_id], colours.FAILED)
+        (tag_id if is_told else f'{tag_id} {word}', dots[tag_id], colours.FAILED)
         for tag_id, word in failed.items()
         if tag_id in dots
     ]
-    ends = ends_of_path(route).items()
-    labels += [(word.replace(' ', '\n'), end, colours.ROUTE) for word, end in ends]
+    labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
-    tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
     taken = [*dots.values(), *way]
-    taken += _write_labels(axes, labels, [*taken, *tables], shown)
+    taken += _write_labels(axes, labels, taken, shown)
     downwards = sorted(dots.items(), key=lambda each: -each[1].y)
     ids = [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
     _write_labels(axes, ids, taken, shown)
@@ -174,15 +187,21 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
-    read = len(shown.readings)
-    counts = [f'{len(values)} of {read} read tags have it'] * (len(values) < read)
-    _write_title(axes, label_of(sensor), '\n'.join([*(text for text, _ in extremes), *counts]), ABOVE_BAR)
+    count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
+    _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
     _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
-    style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
+    style = {
+        'cmap': colours.COLOUR_MAP,
+        'vmin': low,
+        'vmax': high,
+        's': 90,
+        'edgecolor': 'black',
+        'snap': False,
+    }
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
     points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, **style)
-    sides_m = {tag_id: shown.scale * DOT_M * (1.4 if tag_id in ringed else 1.0) for tag_id in tags}
+    sides_m = {tag_id: shown.scale * DOT_M * (1.3 if tag_id in ringed else 1.0) for tag_id in tags}
     dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
@@ -190,16 +209,28 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
     _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
-    ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
-    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
+    ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
+    bar = drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
+    bar.ax.tick_params(labelsize=POINTS)
     _draw_crosses(axes, shown, failed)
 
 
-def _write_title(axes: Any, title: str, more: str, above: float) -> None:
-    """Write a title at points above the axes, and below it up to three small lines."""
-    axes.set_title(title, fontsize=12, pad=above)
-    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 9}
-    axes.annotate(more, (0.5, 1), (0, above - 6), ha='center', va='top', **style).set_in_layout(False)
+def _left_of(axes: Any, shown: Greenhouse) -> float:
+    """Return where the left wall is, as a share of the width of the axes."""
+    return float(axes.transLimits.transform((shown.walls.x0, 0.0))[0])
+
+
+def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, count: str = '') -> None:
+    """Write above the left wall a title, a count of tags beside it, and below it up to two small lines."""
+    left, room = _left_of(axes, shown), 0.97 * axes.figure.bbox.width / axes.get_gridspec().ncols
+    first = axes.set_title(title, fontsize=12, pad=ABOVE_MAP, x=left, ha='left')
+    style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
+    beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
+    below = axes.annotate(more, (left, 1), (0, ABOVE_MAP - 5), xycoords='axes fraction', va='top', **style)
+    for texts in ((first, beside), (below,)):
+        wide = max(text.get_window_extent().x1 for text in texts) - first.get_window_extent().x0
+        for text in texts if wide > room else ():
+            text.set_fontsize(0.9 * text.get_fontsize() * room / wide)  # small letters are a little wider
 
 
 def _write_labels(
@@ -243,19 +274,28 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     ]
     if {*shown.layout.tags} - {*shown.readings, *shown.failed}:
         marks.append(('tag without a reading', UNREAD))
-    if words := set(shown.failed.values()):
-        word = f': {min(words)}' if len(words) == 1 else ''
-        marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
     if shown.route:
-        marks.append(('route', {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}))
-    if placing.stops_of(shown.route):
-        marks.append(('stop', STOP))
+        marks += _marks_of_failed(shown)
     if empty_cell:
-        place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
-        drawings.write_key(empty_cell, marks, columns=1, fontsize=POINTS, **place)
+        place: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
+        drawings.write_key(empty_cell, marks, columns=1, **place)
         return figure.transFigure  # while a picture is saved, figure.patch is larger
-    left: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 0.0), 'borderpad': 0.0}
-    return drawings.write_key(figure, marks, columns=3, fontsize=POINTS, **left)
+    left: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 0.0)}
+    columns = max(1, int(figure.get_figwidth() / KEY_INCHES))
+    return drawings.write_key(figure, marks, columns=columns, **left)
+
+
+def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, Style]]:
+    """Return what only the panel of the route has, or what it is about without a route."""
+    route = {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}
+    stops = [('stop', STOP)] if placing.stops_of(shown.route) else []
+    return [('route', route), *stops] if shown.route else _marks_of_failed(shown)
+
+
+def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, Style]]:
+    words = set(shown.failed.values())
+    word = f': {min(words)}' if len(words) == 1 else ''
+    return [(f'tag not read{word}', point_style('x', colours.FAILED, 6))] if words else []
 
 
 def _time_text(form: str, row: Row) -> str:
@@ -284,13 +324,13 @@ def _write_texts(
     for word, reason, tag_ids in failures:
         told = f'{word}:' if reason else word
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
-        for part in textwrap.wrap(text, int(width / 11)):
+        for part in textwrap.wrap(text, int(width / 10)):
             before, found, after = part.partition(told)
             red, tail = found[: len(word)], found[len(word) :] + after
             pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
-            lines += _lines_of([each for each in pieces if each[0]], width, {'fontsize': 11}, dot='')
+            lines += _lines_of([each for each in pieces if each[0]], width, {'fontsize': 10}, dot='')
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
-    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 11})
+    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 10})
     _write_lines(title, lines, title, 1.0, 12)
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
     rest = [summary.SEVERAL_TIMES * has_times, summary.speed_text(rows), escaped(name, 64)]
@@ -313,7 +353,7 @@ def _lines_of(parts: list[tuple[str, str]], width: float, style: Style, dot: str
 
     lines, most = [parts[:1]], (0.9 if 'fontweight' in style else 1.03) * width / style['fontsize']
     for part in parts[1:]:
-        if sum(len(text) + 3 for text, _ in [*lines[-1], part]) > most:
+        if sum(len(text) + 3 * len(dot) for text, _ in [*lines[-1], part]) > most:
             lines.append([])
         lines[-1] += [(dot, parts[0][1])] * bool(dot and lines[-1]) + [part]
     packed = []
