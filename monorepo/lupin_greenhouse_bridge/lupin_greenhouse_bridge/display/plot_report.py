@@ -39,7 +39,7 @@ UNREAD = READ | {'markerfacecolor': 'white'}
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
-MOST_NAMED, MOST_WORDS = 30, 6  # tags in a line of failures, and in a map with the word for each
+MOST_NAMED = 30  # tags in a line of failures
 KEY_INCHES = 2.2  # the width of a column of the key
 CHARACTERS = 140.0  # in an inch, divided by the points of their font
 
@@ -51,6 +51,7 @@ class Greenhouse:
     layout: Layout
     walls: Walls
     scale: float  # of the sizes of marks in metres
+    inches: tuple[float, float]  # the size of a panel
     route: list[Point]
     readings: dict[str, dict[str, Row]]  # the last rows by tag id and sensor, of tags that did not fail
     failed: dict[str, str]  # why not, in a word, by tag id
@@ -104,10 +105,13 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
             f"'{path}': tag '{escaped(strangers[0], 64)}' has no position in the tag file: name the bridge's"
             ' own with --tag-file'
         )
-    width_m, height_m, scale = drawings.scale_of(layout, recording.walls)
+    corners = [recording.walls[:2], recording.walls[2:], *recording.route]
+    view = Walls(*np.min(corners, axis=0).tolist(), *np.max(corners, axis=0).tolist())
+    width_m, height_m, scale = drawings.scale_of(layout, view)
     wider = width_m / height_m * drawings.USUAL_HEIGHT_M / drawings.USUAL_WIDTH_M
     scale /= min(max(1.0, math.sqrt(wider)), MOST_WIDER)  # so that its labels have as much room
-    shown = Greenhouse(layout, recording.walls, scale, recording.route, readings, failed)
+    inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
+    shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure()
@@ -124,8 +128,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
 
 def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
-    sizes_m = drawings.scale_of(shown.layout, shown.walls)[:2]
-    width, height = (size_m / shown.scale * INCHES_PER_M for size_m in sizes_m)
+    width, height = shown.inches
     gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
     most = min(max(1, int(WIDEST / (width + gap))), MOST_COLUMNS)
     rows = -(-count // most)
@@ -163,12 +166,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     gap_m = shown.scale * GAP_M
     sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
     dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
-    is_told = len(set(failed.values())) == 1 or len(failed) > MOST_WORDS  # by the key or the lines above
-    labels = [
-        (tag_id if is_told else f'{tag_id} {word}', dots[tag_id], colours.FAILED)
-        for tag_id, word in failed.items()
-        if tag_id in dots
-    ]
+    labels = [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed if tag_id in dots]
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     taken = [*dots.values(), *way]
@@ -192,16 +190,9 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
     _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
-    style = {
-        'cmap': colours.COLOUR_MAP,
-        'vmin': low,
-        'vmax': high,
-        's': 90,
-        'edgecolor': 'black',
-        'snap': False,
-    }
+    style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
-    points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, **style)
+    points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, snap=False, **style)
     sides_m = {tag_id: shown.scale * DOT_M * (1.3 if tag_id in ringed else 1.0) for tag_id in tags}
     dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
     labels = [
