@@ -106,13 +106,11 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         values = np.array([greenhouse.value(name, tag[:2], hour) for hour in hours])
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
-        note = 'no noise' if (low == high).all() else ''
-        skewed = hours[np.abs(low + high - 2 * values) > SKEWED * (high - low)]
-        if skewed.size:
-            when = clock_time(3600 * skewed[skewed.size // 2])
-            note = f'highest of several sources:\nnear {when} they are close, so noise raises most readings'
-        axes.set_title(label_of(name) + '\n' * note.count('\n'), loc='left')
-        axes.set_title(note, loc='right', fontsize='small', color='0.4')
+        note = 'this sensor has no noise' if (low == high).all() else ''
+        if (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any():
+            note = 'highest of several noisy sources'
+        axes.set_title(label_of(name), loc='left')
+        axes.set_title(note, loc='right', fontsize=0.85 * subsets.PART_POINTS, color='0.35')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
             when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'
@@ -128,7 +126,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
     title = f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured'
     figure.suptitle(title, weight='bold')
-    names = 'without noise', '9 of 10 readings lie here'
+    names = 'the value without noise', '9 of 10 readings'
     figure.legend([line, band], names, loc='outside lower center', ncols=2, frameon=False)
     return figure
 
@@ -171,7 +169,7 @@ def main(arguments: list[str] | None = None) -> int:
         **{
             f'{name}_{scheme}': partial(subsets.in_style, scheme, points, draw, greenhouse, options)
             for name, points, draw in (
-                ('greenhouse', drawings.POINTS, subsets.draw_layout),
+                ('greenhouse', subsets.LAYOUT_POINTS, subsets.draw_layout),
                 ('greenhouse_part', subsets.PART_POINTS, subsets.draw_part),
             )
             for scheme in subsets.SCHEMES

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from lupin_greenhouse_bridge import units
@@ -32,14 +32,15 @@ SCHEMES: dict[str, dict[Any, Any]] = {
 }
 # By the paper: the other end of the field's shades, and the tables without such a shade.
 FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
-TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
+TABLE = {'white': '#b5936b', '#0d1117': '#a28157'}
 LINES = 3  # of equal values, at most about
 SHORTEST_LINE_M = 0.3
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
-TITLE_PAD, LINE_POINTS = 6.0, 14.0  # above the axes, and from one line to the next
+TITLE_PAD, LAYOUT_POINTS = 52.0, 11.5  # above the axes of all tags, and the size of its texts
 TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
+Field: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]  # x, y and the values, row by row
 
 
 def colours_of(greenhouse: Greenhouse) -> dict[str, str]:
@@ -60,20 +61,21 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 1.9), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 2.75), layout='constrained')
     axes = figure.add_subplot()
-    size = drawings.LABELS.times(scale)
+    size = drawings.LABELS.times(scale * LAYOUT_POINTS / drawings.POINTS)
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), size, taken)
     write_key(axes, greenhouse, 3, borderaxespad=3.6)  # below the label of the x axis
     title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
-    axes.set_title(title, weight='bold', pad=TITLE_PAD + LINE_POINTS)
-    above: drawings.Style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center'}
-    field = field_of(greenhouse, options.sensor, options.hour, walls)[2]
-    low, high = (units.value_text(options.sensor, each) for each in (field.min(), field.max()))
-    shades = f'{shades_of(axes, options)}, {low} to {high} {units.unit_of(options.sensor)}'
-    axes.annotate(shades, (0.5, 1.0), (0.0, TITLE_PAD), **above)
+    axes.set_title(title, weight='bold', pad=TITLE_PAD)
+    ends = np.unique(axes.images[0].get_clim())  # one, if the field has one value
+    bar = drawings.draw_colour_bar(axes, axes.images[0], walls, ticks=ends).ax
+    bar.set_title(name_at(options), pad=4)
+    texts = [f'{units.value_text(options.sensor, each)} {units.unit_of(options.sensor)}' for each in ends]
+    for label, side in zip(bar.set_xticklabels(texts), ('left', 'right'), strict=False):
+        label.set_ha(side)
     return figure
 
 
@@ -90,28 +92,30 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size, placing.box_of(part))
-    taken.append(draw_metre(axes, part, size))
+    taken.append(draw_metre(axes, part, field_of(greenhouse, options.sensor, options.hour, part), size))
     taken = draw_field(axes, greenhouse, options, part, size, taken)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, taken)
     write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
-    axes.set_title(f'Each tag has the colours of its sensors.\n{shades_of(axes, options)}')
+    shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
+    more = 'warmer' if options.sensor == 'temperature' else 'higher'
+    axes.set_title(f'Each tag has the colours of its sensors.\nShades: {name_at(options)}, {shade} = {more}')
     return figure
 
 
-def shades_of(axes: Any, options: argparse.Namespace) -> str:
-    """Return what the shades of the field mean."""
-    shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
-    more = 'warmer' if options.sensor == 'temperature' else 'higher'
-    when = clock_time(options.hour * 3600)
-    return f'Shades: {units.name_of(options.sensor)} at {when}, {shade} = {more}'
+def name_at(options: argparse.Namespace) -> str:
+    """Return the name of the field's sensor and its time."""
+    return f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
 
 
-def draw_metre(axes: Any, part: Walls, size: drawings.LabelSize) -> placing.Box:
-    """Draw a bar of 1 m in the lower left corner; return what it covers."""
-    x, y = part.x0 + size.height_m / 2, part.y0 + size.height_m / 2
+def draw_metre(axes: Any, part: Walls, field: Field, size: drawings.LabelSize) -> placing.Box:
+    """Draw a bar of 1 m at the lower edge, where the field changes least; return what it covers."""
+    y, margin_m = part.y0 + size.height_m / 2, min(size.height_m, part.x1 - part.x0 - 1.0) / 2
+    starts = np.linspace(part.x0 + margin_m, part.x1 - margin_m - 1.0, 50)
+    xs, _, values = field
+    x = min(starts, key=lambda start: np.ptp(values[0, (start <= xs) & (xs <= start + 1.0)]))
     axes.plot([x, x + 1.0], [y, y], color=pyplot.rcParams['text.color'], linewidth=3, zorder=4)
     axes.text(x + 0.5, y + 0.7 * size.height_m, '1 m', zorder=4, **drawings.CENTRED)
     return placing.Box(x + 0.5, y + size.height_m / 2, 1.0, 1.5 * size.height_m)
@@ -213,9 +217,7 @@ def write_values(
 
 
 @cache
-def field_of(
-    greenhouse: Greenhouse, sensor: str, hour: float, part: Walls
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def field_of(greenhouse: Greenhouse, sensor: str, hour: float, part: Walls) -> Field:
     """Return x, y and the values of a sensor, row by row."""
     step_m = math.sqrt((part.x1 - part.x0) * (part.y1 - part.y0) / FIELD_CELLS)
     xs, ys = (np.linspace(*ends, round(np.ptp(ends) / step_m) + 2) for ends in (part[::2], part[1::2]))
@@ -228,7 +230,7 @@ def draw_tags(
     """Draw each tag as a disc with a sector in the colour of each sensor, its id and letters beside it."""
     ink, points, colours = pyplot.rcParams['text.color'], pyplot.rcParams['font.size'], colours_of(greenhouse)
     labels = []
-    for tag_id in sorted(tag_ids, key=lambda each: greenhouse.layout.tags[each].y):
+    for tag_id in sorted(tag_ids, key=lambda each: -greenhouse.layout.tags[each].y):
         (x, y, _), subset = greenhouse.layout.tags[tag_id], greenhouse.subset_of[tag_id]
         for number, letter in enumerate(subset):
             ends = (-90 - 360 * (number + after) / len(subset) for after in (1, 0))  # clockwise
