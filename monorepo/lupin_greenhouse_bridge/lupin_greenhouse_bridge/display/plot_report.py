@@ -92,6 +92,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     if not rows:
         reason = 'no tag was read' if recording.visits else 'holds no readings'
         raise command.NothingToDraw(f"'{path}': {reason}: there is no picture")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure  # imported late: a missing library is a one-line error
 
     failures = summary.failures_of(recording.visits)
@@ -115,6 +116,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure()
+    FigureCanvasAgg(figure)  # measures texts
     panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown)
     if has_ways:
         _draw_ways(panels[0], shown)
@@ -219,8 +221,10 @@ def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, count: str
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
     beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
     below = axes.annotate(more, (left, 1), (0, ABOVE_MAP - 5), xycoords='axes fraction', va='top', **style)
+    renderer = axes.figure.canvas.get_renderer()
     for texts in ((first, beside), (below,)):
-        wide = max(text.get_window_extent().x1 for text in texts) - first.get_window_extent().x0
+        ends = [text.get_window_extent(renderer).x1 for text in texts]
+        wide = max(ends) - first.get_window_extent(renderer).x0
         for text in texts if wide > room else ():
             text.set_fontsize(0.9 * text.get_fontsize() * room / wide)  # small letters are a little wider
 
