@@ -38,7 +38,7 @@ SHORTEST_LINE_M = 0.3
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
-TITLE_PAD, LAYOUT_POINTS = 52.0, 11.5  # above the axes of all tags, and the size of its texts
+TITLE_PAD, LAYOUT_POINTS, CHARACTER_M = 52.0, 11.5, 0.094  # above the axes of all tags, and of its texts
 TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
 Field: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]  # x, y and the values, row by row
 
@@ -63,7 +63,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
     figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 2.75), layout='constrained')
     axes = figure.add_subplot()
-    size = drawings.LABELS.times(scale * LAYOUT_POINTS / drawings.POINTS)
+    size = drawings.LABELS._replace(character_m=CHARACTER_M).times(scale * LAYOUT_POINTS / drawings.POINTS)
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), size, taken)
