@@ -19,7 +19,7 @@ REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
 TOP_OF_TABLE = 'Math.floor(document.querySelector("#table").getBoundingClientRect().top)'
-PAGE_PIXELS, SENSOR = 720, 'temperature'
+WIDTH, DETAIL, SENSOR = 360, 2, 'temperature'  # as on a phone, in pixels of the page
 
 
 def main() -> int:
@@ -34,11 +34,11 @@ def main() -> int:
         if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
         with chromium() as browser:
-            page = browser.new_page(viewport={'width': PAGE_PIXELS, 'height': 900})
+            page = browser.new_page(viewport={'width': WIDTH, 'height': 900}, device_scale_factor=DETAIL)
             page.goto(path.as_uri())
             height = page.evaluate(TOP_OF_TABLE)
             picture = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert('RGB')
-    picture.crop((0, 0, PAGE_PIXELS, height)).save(COMMITTED, optimize=True)
+    picture.crop((0, 0, DETAIL * WIDTH, DETAIL * height)).save(COMMITTED, optimize=True)
     print(COMMITTED)
     parser = drawing_command.parser_of('page', '', '')
     return drawing_command.draw_files(

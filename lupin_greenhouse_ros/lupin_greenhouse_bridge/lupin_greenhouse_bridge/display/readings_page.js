@@ -172,8 +172,8 @@ function place_label({ x, y, radius, width }, { taken, room, route, dots = [], p
   const ring = (dx, dy) =>
     [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...[[0.5, -1], [1, 0.75], [1, 0.4]].flatMap(at => mirrored(at, dx, dy))];
   const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
-  const planned = [...plans.values()];
-  const [boxes, steps, others] = [taken, [...route, ...planned.map(({ box }) => wide(box))], planned.flatMap(parts)]
+  const planned = [...plans.values()].flatMap(each => [...parts(each), wide(each.box)]);
+  const [boxes, steps, others] = [taken, route, planned]
     .map(each => each.filter(box => common(reach, box) > 0));
   const shared_by = (place, all) =>
     parts(place).reduce((sum, box) => all.reduce((more, other) => more + common(box, other), sum), 0);
