@@ -662,9 +662,9 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
     if (!is_spare) draw_leader(end.group, end.x + 2, end.y, left - 3, y);
     write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
-  const boxes = { taken, room, route };
   const lone = lines.filter(({ points }) => points.length === 1).map(({ group, text, is_bold, points: [{ x, y }] }) =>
-    ({ group, text, label: { x, y, radius: is_bold ? 4 : 1, width: width_of(text) } }));
+    ({ group, text, label: { x, y, radius: is_bold ? 4 : 2, outer: 3, width: width_of(text) } }));
+  const boxes = { taken, room, route, dots: lone.map(({ label }) => label) };
   plan_labels(lone.map(({ label }) => label), boxes);
   for (const { group, text, label } of lone) label_dot(group, label, boxes, 'halo', text);
 }
