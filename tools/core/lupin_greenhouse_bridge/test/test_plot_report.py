@@ -234,7 +234,10 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, drawn):
     """In the shipped greenhouse, with a route and a value of every sensor of every tag."""
     (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0.5\n3.0,0.5\n3.0,7.5\n', encoding='utf-8')
-    visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], 1234.5)) for tag_id, tag in shipped_tags.items()]
+    values = dict.fromkeys(UNITS, 1234.5) | {'soil_moisture': 0.5}
+    visits = [
+        visit(each, **{name: values[name] for name in tag['sensors']}) for each, tag in shipped_tags.items()
+    ]
     figure = drawn(*visits)
     renderer = renderer_of(figure)
     figure.draw(renderer)
