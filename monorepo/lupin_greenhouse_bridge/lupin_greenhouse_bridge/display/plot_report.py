@@ -190,8 +190,8 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
     _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
-    _draw_others(axes, shown, {*values, *failed})
     _draw_dots(axes, ringed, shown, EXTREME)
+    _draw_others(axes, shown, {*values, *failed})
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
     points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, snap=False, **style)
