@@ -128,7 +128,7 @@ def test_no_label_lies_on_a_tag_or_on_another_label(drawn, name):
     assert not any(box.contains(*dot) for box in boxes for dot in axes.transData.transform(tags))
     edge = axes.get_window_extent()
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
-    for box, table in itertools.product(boxes, tables_of(axes)):
+    for box, table in itertools.product(boxes, filled(axes, Rectangle)):
         assert not box.overlaps(table.get_window_extent())
 
 
@@ -186,15 +186,15 @@ def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag
     said = ['tag 1:', *(' '.join(each).replace('co2', 'CO₂') for each in values)]
     (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(said)]
     frame = shown.get_bbox_patch().get_window_extent()
-    assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))
+    assert not any(frame.overlaps(table.get_window_extent()) for table in filled(axes, Rectangle))
     (ray,) = [line.get_xydata() for line in axes.lines if line.get_linestyle() == '--']
     assert tuple(ray[-1]) == (tag['x'], tag['y'])
-    (robot,) = discs_of(axes)
+    (robot,) = filled(axes, Circle)
     assert math.dist(ray[0], robot.center) == pytest.approx(robot.radius)
 
 
-def tables_of(axes) -> list[Rectangle]:
-    return [each for each in axes.patches if isinstance(each, Rectangle) and each.get_fill()]
+def filled(axes, kind: type) -> list:
+    return [each for each in axes.patches if isinstance(each, kind) and each.get_fill()]
 
 
 def test_the_edges_of_the_tags_and_the_robot_stand_out_from_the_dark_field(drawn):
@@ -202,7 +202,7 @@ def test_the_edges_of_the_tags_and_the_robot_stand_out_from_the_dark_field(drawn
     axes = drawn['greenhouse_part_dark'].axes[0]
     marks = [each.get_edgecolor()[:3] for each in axes.patches if isinstance(each, Wedge)]
     assert marks
-    marks += [disc.get_edgecolor() for disc in discs_of(axes)]
+    marks += [disc.get_edgecolor() for disc in filled(axes, Circle)]
     below = subsets.FIELD_END['#0d1117'], subsets.TABLE['#0d1117']
     linear = np.array([to_rgb(each) for each in (*below, *marks)]) ** 2.2
     field, table, *others = linear @ [0.2126, 0.7152, 0.0722] + 0.05
@@ -247,7 +247,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
         (tag['x'], tag['y']) for tag in tags.values()
     }
     on_top = [*sights, *(each for each in axes.patches if type(each) is Polygon)]
-    assert min(each.zorder for each in on_top) > max(disc.zorder for disc in discs_of(axes))
+    assert min(each.zorder for each in on_top) > max(disc.zorder for disc in filled(axes, Circle))
     boxes = {text: text.get_window_extent() for text in written}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes.values(), 2))
     edge = axes.patches[0].get_window_extent()
@@ -283,14 +283,10 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
                 assert place == pytest.approx(ahead)
 
 
-def discs_of(axes) -> list[Circle]:
-    return [each for each in axes.patches if isinstance(each, Circle) and each.get_fill()]
-
-
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     radius_m = simulated.ViewingLimits().robot_radius_m
-    robots = [each for each in discs_of(axes) if each.radius == radius_m]
+    robots = [each for each in filled(axes, Circle) if each.radius == radius_m]
     heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
     rays = [line for line in axes.lines if line.get_linewidth() == drawings.HEADING['linewidth']]
     for _, disc, ray, (tip, _, back, *_) in zip(tags, robots, rays, heads, strict=True):

@@ -329,7 +329,8 @@ def _write_texts(
     lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 10})
     _write_lines(title, lines, title, 1.0, 12)
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
-    rest = [summary.SEVERAL_TIMES * has_times, summary.speed_text(rows), escaped(name, 64)]
+    speed = summary.speed_text(rows)
+    rest = [summary.SEVERAL_TIMES * has_times, speed and f'greenhouse clock {speed}', escaped(name, 64)]
     lines = _lines_of([(text, '0.35') for text in rest if text], width, {'fontsize': 9})
     _write_lines(title, lines, key, 0.0, -8)
 

@@ -112,7 +112,7 @@ function write_head() {
   const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
   mark(element('title'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
-  const greenhouse = [data.greenhouse_times, data.speed.replace('greenhouse clock ', '')].filter(Boolean).join(', ');
+  const greenhouse = [data.greenhouse_times, data.speed].filter(Boolean).join(', ');
   write_pieces(element('file'), [data.title, `times in ${zone}`, greenhouse].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
@@ -552,7 +552,7 @@ function draw_charts(is_again = false) {
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   const beside_others = document.querySelector('.beside')
-    ? '; points side by side were read at the same time' : '';
+    ? '; touching points were read at the same time' : '';
   const { offsetHeight } = element('lines');
   element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
   if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left

@@ -82,7 +82,7 @@ def duration_text(first_ns: int, last_ns: int) -> str:
 
 def speed_text(rows: list[Row]) -> str:
     """
-    Return a text about a clock of the greenhouse that ran faster than ours; '' if the rows have none.
+    Return how much faster the clock of the greenhouse ran than ours; '' if it did not.
 
     The clock can have passed more than a day between two rows, so this is the least speed that fits.
     """
@@ -92,7 +92,7 @@ def speed_text(rows: list[Row]) -> str:
     passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
     speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
     times = f'{float(f"{speed:.2g}"):,.0f}'
-    return f'greenhouse clock about {times} times faster than real time' if speed > 1.5 else ''
+    return f'about {times} times faster than real time' if speed > 1.5 else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:
