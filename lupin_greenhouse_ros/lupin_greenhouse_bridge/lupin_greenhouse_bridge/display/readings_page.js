@@ -16,6 +16,7 @@ const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
+const LONE_WIDTH = 22;  // of the room at the right of points without a line
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
@@ -96,6 +97,7 @@ const filled = fill => ({ fill, style: `--value: ${fill}` });
 const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
 const address = id => `#tag=${encodeURIComponent(id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+const short_zone = ms => new Date(ms).toLocaleTimeString('en-GB', { timeZoneName: 'short' }).split(' ').at(-1);
 const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
 const last_stamps = data.tags.map(tag => tag.stamp_ms).filter(ms => ms !== null).sort((a, b) => a - b);
 const dates_in_table = [...new Set(last_stamps.map(date))];
@@ -107,13 +109,14 @@ const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(ta
 
 function write_head() {
   const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
-  const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
-  const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
-  const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
-  mark(element('title'), 'span', {}, 'Greenhouse ').after(['readings', ...when].filter(Boolean).join(', '));
+  const ends = new Set(data.span_ms.map(ms => whole(`${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`)));
+  const duration = ends.size > 1 ? ` (${whole(data.duration)})` : '', last = data.span_ms.at(-1);
+  const span = ends.size ? `${[...ends].join(' to ')} ${short_zone(last)}${duration}` : '';
+  const when = is_one_day && span ? [whole(date(last)), whole(span)] : [span];
+  element('title').textContent = ['Readings', ...when].filter(Boolean).join(', ');
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
-  const greenhouse = [data.greenhouse_times, data.speed].filter(Boolean).join(', ');
-  write_pieces(element('file'), [data.title, `times in ${zone}`, greenhouse].filter(Boolean));
+  const greenhouse = [data.greenhouse_times, data.speed].filter(Boolean).join(' ');
+  write_pieces(element('file'), [data.title, greenhouse].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
@@ -505,9 +508,10 @@ function day_span() {
 function time_axis(width) {
   const is_wall = state.clock === 'wall', [first, last] = is_wall ? data.span_ms : day_span();
   const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 48), 1);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 40), 1);
   const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
-  const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
+  const half = first % step % (step / 2) ? 0 : first % step;  // a tick at the first time, if that is round
+  const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : half;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
   const wall_text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
   return {
@@ -571,7 +575,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     write(svg, left - 6, y(value) + 4, values.text(value), 'end');
   }
   for (const at of times.ticks) {
-    mark(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
+    mark(svg, 'path', { class: 'tick', d: `M${x(at)} ${y(values.bottom)}v5` });
     write(svg, Math.min(x(at), width - width_of(times.text(at)) / 2), height - 8, times.text(at), 'middle');
   }
   const lone = [];
@@ -590,7 +594,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
   });
   lines.sort((one, other) => other.is_bold - one.is_bold);  // which have labels first
-  label_lines(lines, [left, 0, right + 6, y(values.bottom)], labels, right + 14);
+  label_lines(lines, [left, 0, labels.count ? right + 6 : width, y(values.bottom)], labels, right + 14);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
   place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
@@ -631,7 +635,7 @@ function column_of(sensor, height) {
   const texts = lines.map(line => end_text(sensor, data.tags[line.tag]));
   const count = texts.length > MOST_LABELLED ? 1 : Math.ceil(texts.length * LINE_STEP / (height - 34));
   const widest = Math.min(Math.max(...texts.map(width_of), 14), 80) + 6;
-  return { count, widest, width: count ? 14 + count * widest : 6, low: 8, high: height - 26 };
+  return { count, widest, width: count ? 14 + count * widest : LONE_WIDTH, low: 8, high: height - 26 };
 }
 
 // Returns the nearest places to these, in their order, which are this far apart and within the limits.

@@ -93,7 +93,7 @@ def speed_text(rows: list[Row]) -> str:
     passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
     speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
     times = f'{float(f"{speed:.2g}"):,.0f}'
-    return f'about {times} times faster than real time' if speed > 1.5 else ''
+    return f'at about {times}\u00d7 real time' if speed > 1.5 else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:

@@ -185,7 +185,7 @@ def rows_at(times_of_day):
 def test_a_clock_of_the_greenhouse_that_is_faster_is_told(speed, gap_seconds, told):
     """The clock wraps each day, so it can have passed more days than it shows."""
     rows = rows_at((second, float(second * speed % 86_400)) for second in range(0, 50, gap_seconds))
-    assert speed_text(rows) == (f'about {told} times faster than real time' if told else '')
+    assert speed_text(rows) == (f'at about {told}\u00d7 real time' if told else '')
 
 
 def test_times_of_several_days_say_so():
