@@ -40,12 +40,7 @@ def draw(
     bar = top + row * (1 + text.count('\n')) + pad // 2
     labels, taken = [], [np.array([0.0, 0.0, image.width, bar])]  # left, top, right and lower side of each
     for each in sorted(detections, key=lambda each: each.tag_number != expected_number):
-        label, colour = [f'tag {each.tag_number}, not {expected_number}'], OTHER
-        if each.tag_number == expected_number:
-            colour = FLAWED if each.flaw(settings) else GOOD
-            margin, least = each.decision_margin, settings.min_decision_margin
-            label = [f'tag {each.tag_number}', f'contrast {margin:.0f}, {least:g} needed']
-            label += [f'hamming {each.hamming}'] if each.hamming else []
+        label, colour = _label_of(each, expected_number, settings)
         _stroke(image, each.corners[[0, 1, 2, 3, 0]], round(scale * LINE_PIXELS), colour)
         border = np.ptp(each.corners[:, 1]) / 8  # white, one of the tag's modules wide
         taken.append(np.append(each.corners.min(axis=0) - border, each.corners.max(axis=0) + border))
@@ -66,6 +61,17 @@ def draw(
     for bolder in range(1 + round(scale) * hasattr(pen.font, 'size')):  # not the small font of Pillow 9.0
         pen.text((2.5 * pad + large + bolder, pad), answer, fill=colour)
     return np.asarray(image)
+
+
+def _label_of(
+    detection: Detection, expected_number: int, settings: Settings
+) -> tuple[list[str], tuple[int, int, int]]:
+    """Return the lines of a detection's label, and its colour."""
+    if detection.tag_number != expected_number:
+        return [f'tag {detection.tag_number}, not {expected_number}'], OTHER
+    contrast = f'contrast {detection.decision_margin:.0f}, {settings.min_decision_margin:g} needed'
+    errors = [f'hamming {detection.hamming}'] if detection.hamming else []
+    return [f'tag {detection.tag_number}', contrast, *errors], FLAWED if detection.flaw(settings) else GOOD
 
 
 def _place(size: Any, tag: Any, gap: int, least: Any, most: Any, taken: list[Any]) -> Any:
