@@ -39,7 +39,7 @@ START = (0.5, 0.5)
 WALLS = find_walls(LAYOUT)
 POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
 NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
-NO_PATH = f'no path from 0.50, 0.50 m to {FAR.x:.2f}, {FAR.y:.2f} m'
+NO_PATH = f'no path from 0.50, 0.50 m to goal {FAR.x:.2f}, {FAR.y:.2f} m'
 HOUR = 3600.0
 actions = importlib.import_module('nav2_msgs.action') if importlib.util.find_spec('nav2_msgs') else None
 pytestmark = pytest.mark.skipif(not actions, reason=source_of_messages('nav2_msgs'))

@@ -15,7 +15,7 @@ const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
-const LONE_WIDTH = 22;  // of the room at the right of points without a line
+const LEFT_OF_LONE = 8, RIGHT_OF_LONE = 22;  // of points without a line, room for their labels
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
@@ -130,7 +130,7 @@ function write_tags(line, { word, reason, tags, more }, name) {
   line.append(more, ' ');
   mark(line, 'span', { class: name }, word);
   const [, plain, code = ''] = /^(.*?)(?: (\(code \d+\)))?$/s.exec(reason);
-  if (plain) line.append(`: ${plain}`);
+  if (plain) line.append(`: ${plain.replace(/(?<=\d,?) (?=(\S*\d )?m\b)/g, '\u00a0')}`);  // a position is on one line
   if (code) mark(line, 'small', {}, code).before(' ');
 }
 
@@ -369,7 +369,7 @@ function draw_tab(sensor, number) {
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
-  for (const tag of [...placed_tags].sort((one, other) => other.has_failed - one.has_failed)) {
+  for (const tag of [...placed_tags].sort((one, other) => one.has_failed - other.has_failed)) {
     const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
     if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r) });
     else if (fill) mark(svg, 'circle', { class: 'value', cx, cy, r, stroke: 'currentColor', ...filled(fill) });
@@ -564,7 +564,8 @@ function draw_charts(is_again = false) {
 
 function draw_chart({ sensor, place, readout, size: [width, height], values, labels }, left, right) {
   const times = time_axis(right - left);
-  const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
+  const start = left + (labels.count ? 0 : LEFT_OF_LONE);
+  const x = at => start + (at - times.low) / (times.high - times.low) * (right - start);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
   const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
   const name = `${sensor.label} of ${sensor.lines.length} tags against ${axis_name}`;
@@ -584,10 +585,11 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     }).sort((one, other) => one.at - other.at);
     if (points.length === 1) {  // beside those that it would cover
-      const [point] = points, { length } = lone.filter(p => Math.abs(p.x - point.x) < 3 && Math.abs(p.y - point.y) < 6);
-      lone.push({ ...point });
-      point.x += 6 * length;
-      if (length) svg.classList.add('beside');
+      const [point] = points, other = lone.findLast(p => Math.abs(p.from - point.x) < 3 && Math.abs(p.y - point.y) < 6);
+      point.from = point.x;
+      if (other) point.x = other.x + Math.sqrt(36 - (other.y - point.y) ** 2);  // they touch
+      lone.push(point);
+      if (other) svg.classList.add('beside');
     }
     const is_bold = is_marked(sensor, tag);
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
@@ -634,7 +636,7 @@ function column_of(sensor, height) {
   const texts = lines.map(line => end_text(sensor, data.tags[line.tag]));
   const count = texts.length > MOST_LABELLED ? 1 : Math.ceil(texts.length * LINE_STEP / (height - 34));
   const widest = Math.min(Math.max(...texts.map(width_of), 14), 80) + 6;
-  return { count, widest, width: count ? 14 + count * widest : LONE_WIDTH, low: 8, high: height - 26 };
+  return { count, widest, width: count ? 14 + count * widest : RIGHT_OF_LONE, low: 8, high: height - 26 };
 }
 
 // Returns the nearest places to these, in their order, which are this far apart and within the limits.
