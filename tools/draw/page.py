@@ -1,5 +1,5 @@
 """
-Draw the page of readings and the picture of a mission, its route and one sensor, for the documents.
+Draw the page of readings and the pictures of a mission, its route and one sensor, for the documents.
 
     make mission DRIVE=1 ARGS="blocked:='0.8 5.0 1.0 5.2' max_poses:=1"   # no path to tag 11
     make figure PAGE=1
@@ -11,19 +11,19 @@ import tempfile
 from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, chromium
-from lupin_greenhouse_bridge.display import drawing_command, plot_report, readings_page
+from lupin_greenhouse_bridge.display import plot_report, readings_page
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
-REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
+MISSION = ROOT / 'monorepo/lupin_mission/doc'
 TOP_OF_TABLE = 'Math.floor(document.querySelector("#table").getBoundingClientRect().top)'
 WIDTH, DETAIL, SENSOR = 360, 2, 'temperature'  # as on a phone, in pixels of the page
 
 
 def main() -> int:
-    """Write both pictures of the last mission."""
+    """Write the pictures of the last mission."""
     reports = sorted(REPORTS.glob('*.jsonl'))  # their names begin with the time
     if not (CHROMIUM and reports):
         missing = 'make mission first, whose report it shows' if CHROMIUM else NO_CHROMIUM
@@ -40,14 +40,11 @@ def main() -> int:
             picture = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert('RGB')
     picture.crop((0, 0, DETAIL * WIDTH, DETAIL * height)).save(COMMITTED, optimize=True)
     print(COMMITTED)
-    parser = drawing_command.parser_of('page', '', '')
-    return drawing_command.draw_files(
-        parser,
-        [str(reports[-1]), '-o', str(REPORT)],
-        lambda options, recordings, limits: plot_report.pictures_of(
-            options, recordings, {SENSOR: limits[SENSOR]}
-        ),
-    )
+    for name, columns in (('report', '3'), ('report_phone', '1')):
+        options = ['--sensor', SENSOR, '--columns', columns, '-o', f'{MISSION / name}.png']
+        if exit_code := plot_report.main([str(reports[-1]), *options]):
+            return exit_code
+    return 0
 
 
 if __name__ == '__main__':

@@ -21,6 +21,7 @@ from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
+from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.runtime.output import said_if_slow
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
@@ -29,10 +30,12 @@ from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
 LEFT, BELOW, ABOVE = 0.37, 0.57, 1.76  # inches for the labels of the axes, and between two rows
 MOST_COLUMNS, MOST_WIDER = 3, 3.0  # panels in a row; by what a wide greenhouse is wider than a usual one
+ONE_COLUMN_ZOOM = 1.25  # so that a usual greenhouse is as wide as a column of a paper
 # The sizes of marks, which scale_of() scales.
-LANE_M, DOT_M, SMALL_DOT_M, GAP_M, LABELS = 0.083, 0.31, 0.21, 0.125, LabelSize(0.125, 0.095, 0.283)
+LANE_M, GAP_M, LABELS = 0.083, 0.125, LabelSize(0.125, 0.095, 0.283)
+RING_M, DOT_M, SMALL_DOT_M, AWAY_M = 0.4, 0.31, 0.21, 0.17  # the last: more of dots that a label is not of
 POINTS = 9.0  # of the labels and the key
-ABOVE_MAP, ABOVE_KEY = 67, 18  # points from a map to its title, and to the key of the route
+ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to the key of the route; of a line
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5)
 UNREAD = READ | {'markerfacecolor': 'white'}
@@ -40,8 +43,8 @@ RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
 MOST_NAMED = 30  # tags in a line of failures
+NO_BREAK = '\xa0'  # a space
 KEY_INCHES = 2.2  # the width of a column of the key
-CHARACTERS = 140.0  # in an inch, divided by the points of their font
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,13 @@ def main(arguments: list[str] | None = None) -> int:
         'picture to write for one FILE, in the format of its ending, such as .svg or .pdf; default: NAME.png'
         ' beside FILE',
     )
+    parser.add_argument(
+        '--columns',
+        metavar='N',
+        type=number_type('1, 2 or 3', int, above=0, below=MOST_COLUMNS + 1),
+        default=MOST_COLUMNS,
+        help='most panels in a row, such as 1 for a phone or a column of a paper; default: 3',
+    )
     return command.draw_files(parser, arguments, pictures_of)
 
 
@@ -83,11 +93,11 @@ def pictures_of(
     endings = [drawings.picture_format(output) for output in outputs]
     for each, output, ending in zip(recordings, outputs, endings, strict=True):
         with said_if_slow('plot_report', f'drawing {escaped(str(output), 500)}'):
-            picture = _picture_of(each, limits, ending)
+            picture = _picture_of(each, limits, ending, options.columns)
         yield output, picture
 
 
-def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
+def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns: int) -> bytes:
     path, rows, layout = recording.path, recording.rows, recording.layout
     if not rows:
         reason = 'no tag was read' if recording.visits else 'holds no readings'
@@ -111,13 +121,14 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     width_m, height_m, scale = drawings.scale_of(layout, view)
     wider = width_m / height_m * drawings.USUAL_HEIGHT_M / drawings.USUAL_WIDTH_M
     scale /= min(max(1.0, math.sqrt(wider)), MOST_WIDER)  # so that its labels have as much room
+    scale /= ONE_COLUMN_ZOOM if most_columns == 1 else 1.0
     inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
     shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure()
     FigureCanvasAgg(figure)  # measures texts
-    panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown)
+    panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown, most_columns)
     if has_ways:
         _draw_ways(panels[0], shown)
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
@@ -128,16 +139,18 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     return drawings.picture_of(figure, ending)
 
 
-def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], Any]:
+def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
     width, height = shown.inches
     gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
-    most = min(max(1, int(WIDEST / (width + gap))), MOST_COLUMNS)
+    most = min(max(1, int(WIDEST / (width + gap))), most_columns)
     rows = -(-count // most)
     columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
-    all_width, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + ABOVE) - ABOVE
+    right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + ABOVE) - ABOVE
+    all_width = max(right, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
     figure.set_size_inches(all_width, all_height)
-    figure.subplots_adjust(LEFT / all_width, BELOW / all_height, 1.0, 1.0, gap / width, ABOVE / height)
+    sides = LEFT / all_width, BELOW / all_height, right / all_width, 1.0
+    figure.subplots_adjust(*sides, gap / width, ABOVE / height)
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False, subplot_kw={'anchor': 'NW'})
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
@@ -166,17 +179,21 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
     drawings.write_key(axes, _marks_of_ways(shown), columns=2, **place).set_in_layout(False)
     gap_m = shown.scale * GAP_M
-    sides_m = {tag_id: shown.scale * (DOT_M if tag_id in failed else SMALL_DOT_M) for tag_id in tags}
-    dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
-    labels = [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed if tag_id in dots]
-    labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
+    crosses = [tag_id for tag_id in failed if tag_id in tags]
+    dots = _boxes_of(dict.fromkeys(crosses, DOT_M), shown)
+    ends = []
+    for word, end in ends_of_path(route).items():
+        half_m, (x0, _, x1, _) = 0.45 * LABELS.times(shown.scale).width_m(word), shown.walls
+        x = min(max(end.x, x0 + half_m), x1 - half_m)  # so that there is room below it
+        ends.append((word, end._replace(x=x), colours.ROUTE))
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
-    taken = [*dots.values(), *way]
-    taken += _write_labels(axes, labels, taken, shown)
+    tables = (box_of(Walls(*table)) for table in shown.layout.tables.values())
+    way += _write_labels(axes, ends, dots, [*way, *tables], shown)
+    labels = [(tag_id, dots[tag_id], colours.FAILED) for tag_id in crosses]
     downwards = sorted(dots.items(), key=lambda each: -each[1].y)
-    ids = [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
-    _write_labels(axes, ids, taken, shown)
-    _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags])
+    labels += [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
+    _write_labels(axes, labels, dots, way, shown)
+    _draw_crosses(axes, shown, crosses)
 
 
 def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float]) -> None:
@@ -195,13 +212,13 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
     points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, snap=False, **style)
-    sides_m = {tag_id: shown.scale * DOT_M * (1.3 if tag_id in ringed else 1.0) for tag_id in tags}
-    dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
+    sides_m = dict.fromkeys([*values, *failed], DOT_M) | dict.fromkeys(ringed, RING_M)
+    dots = _boxes_of(sides_m, shown)
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
     labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
-    _write_labels(axes, labels, list(dots.values()), shown)
+    _write_labels(axes, labels, dots, [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
     bar = drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
@@ -216,11 +233,14 @@ def _left_of(axes: Any, shown: Greenhouse) -> float:
 
 def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, count: str = '') -> None:
     """Write above the left wall a title, a count of tags beside it, and below it up to two small lines."""
-    left, room = _left_of(axes, shown), 0.97 * axes.figure.bbox.width / axes.get_gridspec().ncols
-    first = axes.set_title(title, fontsize=12, pad=ABOVE_MAP, x=left, ha='left')
+    left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
+    to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
+    room = min(0.97 * axes.figure.bbox.width / columns, to_end)
+    above = ABOVE_MAP - LINE * (2 - len(more.splitlines())) * (columns == 1)  # or else as the one beside it
+    first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
     beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
-    below = axes.annotate(more, (left, 1), (0, ABOVE_MAP - 5), xycoords='axes fraction', va='top', **style)
+    below = axes.annotate(more, (left, 1), (0, above - 5), xycoords='axes fraction', va='top', **style)
     renderer = axes.figure.canvas.get_renderer()
     for texts in ((first, beside), (below,)):
         ends = [text.get_window_extent(renderer).x1 for text in texts]
@@ -230,15 +250,26 @@ def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, count: str
 
 
 def _write_labels(
-    axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse, **more: Any
+    axes: Any, labels: list[tuple[str, Box, str]], dots: dict[str, Box], taken: list[Box], shown: Greenhouse
 ) -> list[Box]:
-    """Write labels with a white outline, so that no line touches them."""
+    """Write labels with a white outline, away from other dots and where no box is taken."""
     from matplotlib.patheffects import withStroke
 
-    size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
+    size, bounds, boxes = LABELS.times(shown.scale), box_of(shown.walls), list[Box]()
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4, **more}
-    return drawings.write_labels(axes, labels, size, taken, bounds, **style)
+    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
+    places, margin_m = np.reshape([*dots.values()], (-1, 4)), shown.scale * AWAY_M
+    for label in labels:
+        is_other = (places[:, :2] != label[1][:2]).any(axis=1)
+        margins = np.outer(is_other, [0.0, 0.0, margin_m, margin_m])
+        away = [*map(Box._make, (places + margins).tolist()), *taken, *boxes]
+        boxes += drawings.write_labels(axes, [label], size, away, bounds, **style)
+    return boxes
+
+
+def _boxes_of(sides_m: dict[str, float], shown: Greenhouse) -> dict[str, Box]:
+    sides = {tag_id: shown.scale * sides_m.get(tag_id, SMALL_DOT_M) for tag_id in shown.layout.tags}
+    return {tag_id: Box(*shown.layout.tags[tag_id][:2], side, side) for tag_id, side in sides.items()}
 
 
 def _draw_others(axes: Any, shown: Greenhouse, but: set[str]) -> None:
@@ -313,25 +344,26 @@ def _write_texts(
         (f'{len(shown.readings)} of {len(shown.layout.tags)} tags read', 'black'),
         *((f'{count} {word}', colours.FAILED) for word, count in summary.failure_counts(failures).items()),
     ]
-    width = title.figure.get_figwidth() * CHARACTERS
+    figure, small = title.figure, {'fontsize': 10}
     day = _time_text('Greenhouse readings, %d %b %Y', last)
-    lines = _lines_of(headline, width, {'fontsize': 15, 'fontweight': 'bold'})
-    lines += _lines_of([(day, 'black')], width, {'fontsize': 12, 'fontweight': 'bold'})
+    lines = _lines_of(headline, figure, {'fontsize': 15, 'fontweight': 'bold'})
+    lines += _lines_of([(day, 'black')], figure, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
-        told = f'{word}:' if reason else word
+        told = (f'{word}:' if reason else word).replace(' ', NO_BREAK)
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
-        for part in textwrap.wrap(text, int(width / 10)):
+        for part in _wrapped(text, figure, small):
             before, found, after = part.partition(told)
-            red, tail = found[: len(word)], found[len(word) :] + after
+            red, tail = found[: len(word)].replace(NO_BREAK, ' '), found[len(word) :] + after
             pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
-            lines += _lines_of([each for each in pieces if each[0]], width, {'fontsize': 10}, dot='')
+            lines.append(_line_of([each for each in pieces if each[0]], small, 0))
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
-    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], width, {'fontsize': 10})
+    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], figure, small)
     _write_lines(title, lines, title, 1.0, 12)
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
     speed = summary.speed_text(rows)
     rest = [summary.SEVERAL_TIMES * has_times, speed and f'greenhouse clock {speed}', escaped(name, 64)]
-    lines = _lines_of([(text, '0.35') for text in rest if text], width, {'fontsize': 9})
+    texts = ([(text, '0.35')] for text in rest if text)
+    lines = [line for text in texts for line in _lines_of(text, figure, {'fontsize': 9})]
     _write_lines(title, lines, key, 0.0, -8)
 
 
@@ -344,17 +376,34 @@ def _write_lines(title: Any, lines: list[Any], of: Any, height: float, above: fl
     title.figure.add_artist(AnnotationBbox(block, (0.0, height), (0.0, above), xycoords=where, **at))
 
 
-def _lines_of(parts: list[tuple[str, str]], width: float, style: Style, dot: str = '·') -> list[Any]:
-    """Return texts, each given with its colour, with dots between them in lines of this width."""
+def _lines_of(parts: list[tuple[str, str]], figure: Any, style: Style) -> list[Any]:
+    """Return texts, each given with its colour, with dots between them in lines as wide as the figure."""
+    lines: list[list[tuple[str, str]]] = []
+    for text, colour in parts:
+        joined = [*lines[-1], ('·', parts[0][1]), (text, colour)] if lines else [(text, colour)]
+        if len(_wrapped('   '.join(text for text, _ in joined), figure, style)) == 1:
+            lines[-1:] = [joined]
+        else:
+            lines += [[(line, colour)] for line in _wrapped(text, figure, style)]
+    return [_line_of(line, style, 5) for line in lines]
+
+
+def _line_of(parts: list[tuple[str, str]], style: Style, gap: float) -> Any:
     from matplotlib.offsetbox import HPacker, TextArea
 
-    lines, most = [parts[:1]], (0.9 if 'fontweight' in style else 1.03) * width / style['fontsize']
-    for part in parts[1:]:
-        if sum(len(text) + 3 * len(dot) for text, _ in [*lines[-1], part]) > most:
-            lines.append([])
-        lines[-1] += [(dot, parts[0][1])] * bool(dot and lines[-1]) + [part]
-    packed = []
-    for line in lines:
-        texts: list[Any] = [TextArea(text, textprops={'color': colour, **style}) for text, colour in line]
-        packed.append(HPacker(children=texts, align='baseline', pad=0, sep=5 if dot else 0))
-    return packed
+    texts: list[Any] = [TextArea(text, textprops={'color': colour, **style}) for text, colour in parts]
+    return HPacker(children=texts, align='baseline', pad=0, sep=gap)
+
+
+def _wrapped(text: str, figure: Any, style: Style) -> list[str]:
+    """Return a text in lines that are alike, and at most as wide as the figure."""
+    from matplotlib.font_manager import FontProperties
+
+    font = FontProperties(size=style['fontsize'], weight=style.get('fontweight'))
+    width_of = figure.canvas.get_renderer().get_text_width_height_descent
+    lines, most = [text], int(200 * figure.get_figwidth() / style['fontsize'])  # of the narrowest characters
+    while any(width_of(line, font, False)[0] > 1.03 * figure.bbox.width for line in lines):
+        lines, most = textwrap.wrap(text, most), most - 1
+    while len(lines) > 1 and len(even := textwrap.wrap(text, most)) == len(lines):
+        lines, most = even, most - 1
+    return lines
