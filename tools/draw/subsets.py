@@ -19,7 +19,7 @@ from matplotlib import pyplot
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
-from matplotlib.patches import Wedge
+from matplotlib.patches import Circle, Wedge
 from simulated import Greenhouse
 
 # Of the sensors in the order of the key. Protanopes and deuteranopes can tell them apart too.
@@ -130,12 +130,11 @@ def draw_reading(
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
     ink, paper = pyplot.rcParams['text.color'], pyplot.rcParams['axes.facecolor']
-    disc = {'facecolor': paper, 'edgecolor': ink, 'linewidth': 3}
     ray = {'color': ink, 'linewidth': 3.5, 'zorder': 2.2}
-    drawings.draw_robot(axes, pose, radius_m, disc, ray)
+    axes.add_patch(Circle(pose[:2], radius_m, facecolor=paper, edgecolor=ink, linewidth=3, zorder=1.7))
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
-    sight = pose[:2], tag[:2]
-    rim = drawings.ahead_of(pose, radius_m)
+    sight, rim = (pose[:2], tag[:2]), drawings.ahead_of(pose, radius_m)
+    axes.plot(*zip(pose[:2], rim, strict=True), **ray)
     drawings.draw_head(axes, pose[:2], rim, radius_m, ink)
     axes.plot(*zip(rim, tag[:2], strict=True), linestyle=(0, (2, 0.6)), **ray)
     random.seed(README_SEED)

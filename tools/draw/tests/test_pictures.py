@@ -173,8 +173,7 @@ def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
     for scheme in subsets.SCHEMES:
         drawing = drawn[f'greenhouse_part_{scheme}']
         texts = [each for each in drawing.findobj(Text) if each.get_visible() and each.get_text()]
-        pixels_per_point = 328 / (72 * drawing.get_figwidth())
-        assert min(each.get_fontsize() for each in texts) * pixels_per_point >= 11
+        assert min(each.get_fontsize() for each in texts) * 328 / (72 * drawing.get_figwidth()) >= 11
         assert {'robot', '1 TC'} <= set(texts_of(drawing))
 
 
@@ -239,29 +238,33 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
     assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
-    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
-    headings = [line for line in axes.lines if line.get_linewidth() == drawings.HEADING['linewidth']]
-    lines = [line for line in axes.lines if len(line.get_xydata()) > 1 and line not in headings]
+    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 22
+    lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
     sights = [line for line in lines if line.get_linestyle() == '--']
-    assert {tuple(line.get_xydata()[-1]) for line in sights} == {
-        (tag['x'], tag['y']) for tag in tags.values()
-    }
+    places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in tags.items()}
+    assert {tuple(line.get_xydata()[-1]) for line in sights} == set(places.values())
     on_top = [*sights, *(each for each in axes.patches if type(each) is Polygon)]
     assert min(each.zorder for each in on_top) > max(disc.zorder for disc in filled(axes, Circle))
     boxes = {text: text.get_window_extent() for text in written}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes.values(), 2))
     edge = axes.patches[0].get_window_extent()
-    for stop, tag in itertools.product(stops, tags.values()):
-        assert not boxes[stop].contains(*axes.transData.transform((tag['x'], tag['y'])))
+    for stop, place in itertools.product(stops, places.values()):
+        assert not boxes[stop].contains(*axes.transData.transform(place))
         assert edge.x0 < boxes[stop].x0 < boxes[stop].x1 < edge.x1
-    on_lines = [stop for stop in stops if stop.get_color() == figure.colours.ROUTE]
+    rings = [stop for stop in stops if stop.get_color() == figure.colours.ROUTE]
     ways = [line.get_transform().transform_path(line.get_path()) for line in lines]
-    for text in ids + on_lines:
-        crossed = sum(way.intersects_bbox(boxes[text].padded(-2), filled=False) for way in ways)
-        assert crossed == (text in on_lines), text.get_text()
-    places = [np.array([*placing.steps_of(line.get_xydata(), 0.01)])[:, :2] for line in sights]
-    for number in (each.get_position() for each in on_lines):
-        assert sorted(np.hypot(*(each - number).T).min() for each in places)[1] > 0.18
+    for text in ids + rings:
+        box = boxes[text].padded(-2)
+        assert sum(way.intersects_bbox(box, filled=False) for way in ways) == (text in rings)
+    marks = [*places.values(), *(disc.center for disc in filled(axes, Circle))]
+    sizes = [0.04] * len(tags) + [disc.radius for disc in filled(axes, Circle)]
+    for text in ids:  # each is nearest to its own tag
+        low, high = axes.transData.inverted().transform(boxes[text])
+        gaps = np.hypot(*(np.clip(marks, low, high) - marks).T) - sizes
+        assert list(places)[gaps.argmin()] == text.get_text()
+    paths = [np.array([*placing.steps_of(line.get_xydata(), 0.01)])[:, :2] for line in sights]
+    for number in (each.get_position() for each in rings):
+        assert sorted(np.hypot(*(each - number).T).min() for each in paths)[1] > 0.18
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
@@ -270,8 +273,7 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
     approaches = simulated.find_approaches(layout, walls, simulated.ViewingLimits(robot_radius_m=radius_m))
     (axes,) = drawings.draw_route(layout, walls, approaches, greenhouse.route).axes
-    width = drawings.LEADER_POINTS
-    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == width]
+    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == drawings.LEADER_POINTS]
     for text in (each for each in axes.texts if each.get_color() != figure.colours.TAG_ID):
         for number in re.findall(r'\d+', text.get_text()):
             pose, place = approaches.poses[tag_ids[int(number) - 1]], text.get_position()
@@ -279,21 +281,19 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
             if radius_m < 0.2:
                 assert any(math.dist(end, pose[:2]) == pytest.approx(radius_m) for end in ends)
             else:
-                ahead = drawings.ahead_of(pose, math.dist(place, pose[:2]))
-                assert place == pytest.approx(ahead)
+                assert place == pytest.approx(drawings.ahead_of(pose, math.dist(place, pose[:2])))
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
-    radius_m = simulated.ViewingLimits().robot_radius_m
-    robots = [each for each in filled(axes, Circle) if each.radius == radius_m]
+    robots = [each for each in filled(axes, Circle) if each.radius == 0.2]
     heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
-    rays = [line for line in axes.lines if line.get_linewidth() == drawings.HEADING['linewidth']]
-    for _, disc, ray, (tip, _, back, *_) in zip(tags, robots, rays, heads, strict=True):
-        (x, y), (_, rim) = disc.center, ray.get_xydata()
-        assert math.dist(rim, (x, y)) == pytest.approx(radius_m)
+    noses = [each for each in axes.patches if isinstance(each, Wedge)]
+    for _, disc, nose, (tip, _, back, *_) in zip(tags, robots, noses, heads, strict=True):
+        (x, y), yaw = disc.center, math.radians(nose.theta1 + nose.theta2) / 2
+        assert (nose.center, nose.r) == ((x, y), 0.2)
         to_tag = min(((tag['x'], tag['y']) - tip for tag in tags.values()), key=np.linalg.norm)
-        for along in (tip - (x, y), tip - back, rim - (x, y)):
+        for along in (tip - (x, y), tip - back, np.array([math.cos(yaw), math.sin(yaw)])):
             assert to_tag == pytest.approx(0.052 * along / np.linalg.norm(along), abs=0.001)
     assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))
 

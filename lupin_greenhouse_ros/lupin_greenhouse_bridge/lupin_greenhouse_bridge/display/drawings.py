@@ -12,6 +12,7 @@ import numpy as np
 
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
+    ARROW_M,
     END_M,
     PATH_WIDTH_M,
     Box,
@@ -36,12 +37,13 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
 JOINED_M = 0.25  # stops of small robots that are closer share a label
-TAG_M, UNREACHABLE_M = 0.14, 0.24
+TAG_M, UNREACHABLE_M = 0.1, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 ROUTE_ZOOM, ROUTE_DPI = 1.15, 126  # the first is of the marks and the texts, if tags are few
 HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
 HEAD_M, BEFORE_TAG_M = 0.15, 0.045  # its scale on a line of sight, and where it ends
+SHORT_ARROW_M = 0.13  # that an arrow of the route needs between two stops
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -56,19 +58,24 @@ def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
 BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
-RIM = f'{colours.ROUTE}80'
+INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
+NOSE_DEGREES, NOSE_SHARE = 21, 0.3
 SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
-# In the key, as the next two.
+# In the key, as all until FURTHER.
+NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 ROBOT = (
-    point_style('o', f'{colours.ROUTE}14', 18, markeredgecolor=RIM, markeredgewidth=0.7),
-    point_style([(0, 0.08), (1, 0.08), (1, -0.08), (0, -0.08)], colours.ROUTE, 18, markeredgewidth=0),
+    point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7),
+    point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0),
     point_style('o', colours.ROUTE, 11),
     point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
 )
+TURN = np.linspace(0.0, 2 * math.pi, 20)
+DOT_AT_LEFT = np.transpose([0.35 * np.cos(TURN) - 1.5, 0.35 * np.sin(TURN)])
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.ROUTE, 20, markeredgewidth=0)
 FURTHER = (
     SIGHT,
+    point_style(DOT_AT_LEFT, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
     point_style(r'$\mathbf{7}$', colours.ROUTE, 6, markeredgewidth=0),
 )
@@ -97,9 +104,10 @@ class LabelSize(NamedTuple):
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
-DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.06, 0.17)
-SEE_THROUGH: Style = {'facecolor': f'{colours.ROUTE}14', 'edgecolor': RIM, 'linewidth': 0.7}
-HEADING: Style = {'color': colours.ROUTE, 'linewidth': 1.4, 'solid_capstyle': 'butt', 'zorder': 1.75}
+DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
+SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
+DOT: Style = {'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.8}
+NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
 
@@ -210,12 +218,12 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
     return axes.figure.colorbar(values, cax=place, orientation='horizontal', **style)
 
 
-def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box]) -> None:
+def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m: float = ARROW_M) -> None:
     """Draw a path from a circle to a square, with its marks and an arrow between two stops."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=1.2, zorder=1.5)
     head = '-|>,head_width=0.15,head_length=0.5'
     style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
-    for x, y, heading in arrows_between(points, stops):
+    for x, y, heading in arrows_between(points, stops, arrow_m):
         tip = x + 0.03 * math.cos(heading), y + 0.03 * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
     middles = [each[:2] for each in stops]
@@ -224,14 +232,13 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box]) -> None:
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
-def draw_robot(
-    axes: Any, pose: ApproachPose, radius_m: float, disc: Style = SEE_THROUGH, heading: Style = HEADING
-) -> None:
-    """Draw the disc of the robot to scale, and its heading as a line from the centre to the rim."""
-    from matplotlib.patches import Circle
+def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
+    """Draw the disc of the robot to scale, and its heading as a nose at the rim."""
+    from matplotlib.patches import Circle, Wedge
 
-    axes.add_patch(Circle(pose[:2], radius_m, **disc, zorder=1.7))
-    axes.plot(*zip(pose[:2], ahead_of(pose, radius_m), strict=True), **heading)
+    axes.add_patch(Circle(pose[:2], radius_m, **SEE_THROUGH, zorder=1.7))
+    ends = (math.degrees(pose.yaw) + side * NOSE_DEGREES for side in (-1, 1))
+    axes.add_patch(Wedge(pose[:2], radius_m, *ends, width=NOSE_SHARE * radius_m, **NOSE))
 
 
 def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str = colours.ROUTE) -> Box:
@@ -290,9 +297,9 @@ def draw_route(
     marked = [*heads, *(dot for _, dot, _ in labels)]
     solid, further = robots, list[Box]()
     if has_room:
-        solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, marked)
+        solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
     if route.points_m:
-        draw_path(axes, route.points_m, solid)
+        draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
     taken = [*lines, *marked, *robots, *further]
     bounds = box_of(walls)
     end_m = max(END_M, robot_m)
@@ -301,6 +308,7 @@ def draw_route(
         for word, (x, y, *_) in ends_of_path(route.points_m).items()
     ]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
+    taken += [Box(*pose[:2], robot_m + line_m, robot_m + line_m) for pose, _ in stops]
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
@@ -334,14 +342,15 @@ def _draw_stops(
     poses: Sequence[ApproachPose],
     ways: Sequence[Sequence[Point]],
     digits: tuple[float, float],
+    radius_m: float,
     taken: Sequence[Box],
 ) -> tuple[list[Box], list[Box]]:
     """
     Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
 
     A number is on a disc at its stop. Where another stop or its line of sight is too close, the number is on
-    its own line of sight: where it covers least and is far from other ways. Return the boxes of all that is
-    drawn, and of the numbers on lines.
+    its own line of sight: where it covers least, also of the robots, and is far from other ways. Return the
+    boxes of all that is drawn, and of the numbers on lines.
     """
     from matplotlib.patches import Circle
 
@@ -355,21 +364,24 @@ def _draw_stops(
         discs = (math.dist(pose[:2], box[:2]) < disc_m + box.width / 2 for box in solid)
         dot_m = disc_m
         if is_near.any() or any(discs):
-            dot_m = disc_m / 4
+            dot_m = disc_m / 2
             further.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, color=colours.ROUTE, linewidth=0, zorder=1.8))
+        axes.add_patch(Circle(pose[:2], dot_m, facecolor=colours.ROUTE, **DOT))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
     plate = {'boxstyle': 'circle,pad=0.1', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
+    middles = np.array([pose[:2] for pose in poses])
     for number in further:
         line, others = ways[number], points[points[:, 2] != number, :2]
-        ends = np.array([1.3, -2.05]) * disc_m / math.dist(*line) + (0.0, 1.0)
+        ends = np.array([1.3, -1.7]) * disc_m / math.dist(*line) + (0.0, 1.0)
         shares = np.linspace(ends[0], max(ends), 17)
         places = np.outer(1 - shares, line[0]) + np.outer(shares, line[1])
         tries = np.hstack([places, np.full((len(places), 2), 2 * disc_m)])
         to_others_m = np.hypot(*(places[:, None] - others).T).min(axis=0)
         costs = overlaps(tries, np.array([*taken, *solid])).sum(axis=1) / (2 * disc_m) ** 2
+        to_robots_m = np.hypot(*(places[:, None] - middles).T) - radius_m
+        costs += np.clip(0.5 - to_robots_m / (2 * disc_m), 0.0, 1.0).max(axis=0)
         best = (costs + np.maximum(2.0 - to_others_m / disc_m, 0.0)).round(3).argmin()
         solid.append(Box(*tries[best]))
         axes.text(*places[best], number, **{**NUMBER, 'color': colours.ROUTE}, bbox=plate)
