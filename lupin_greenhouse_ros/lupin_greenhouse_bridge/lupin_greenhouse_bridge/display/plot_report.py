@@ -37,10 +37,10 @@ RING_M, DOT_M, SMALL_DOT_M, AWAY_M = 0.4, 0.31, 0.21, 0.17  # the last: more of 
 POINTS = 9.0  # of the labels and the key
 ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to the key of the route; of a line
 STOP = point_style('o', colours.ROUTE, 3.5)
-READ = point_style('o', '0.5', 4.5)
-UNREAD = READ | {'markerfacecolor': 'white'}
-RINGS = 'lowest or highest value'
-EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
+READ = point_style('o', '0.5', 4.5, label='other tag that was read')
+UNREAD = READ | {'markerfacecolor': 'white', 'label': 'tag without a reading'}
+RING: Style = {'markerfacecolor': 'none', 'markeredgewidth': 1.4, 'snap': False}
+EXTREME = point_style('o', 'black', 13, label='lowest or highest value', **RING)
 KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
 MOST_NAMED = 30  # tags in a line of failures
 NO_BREAK = '\xa0'  # a space
@@ -121,7 +121,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     width_m, height_m, scale = drawings.scale_of(layout, view)
     wider = width_m / height_m * drawings.USUAL_HEIGHT_M / drawings.USUAL_WIDTH_M
     scale /= min(max(1.0, math.sqrt(wider)), MOST_WIDER)  # so that its labels have as much room
-    scale /= ONE_COLUMN_ZOOM if most_columns == 1 else 1.0
+    is_wide = width_m / scale * INCHES_PER_M > SMALLEST_PANEL
+    scale /= 1.0 if most_columns > 1 or is_wide else ONE_COLUMN_ZOOM
     inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
     shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
@@ -147,7 +148,7 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) ->
     rows = -(-count // most)
     columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
     right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + ABOVE) - ABOVE
-    all_width = max(right, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
+    all_width = max(right + gap - SMALLEST_GAP, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
     figure.set_size_inches(all_width, all_height)
     sides = LEFT / all_width, BELOW / all_height, right / all_width, 1.0
     figure.subplots_adjust(*sides, gap / width, ABOVE / height)
@@ -183,9 +184,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     dots = _boxes_of(dict.fromkeys(crosses, DOT_M), shown)
     ends = []
     for word, end in ends_of_path(route).items():
-        half_m, (x0, _, x1, _) = 0.45 * LABELS.times(shown.scale).width_m(word), shown.walls
-        x = min(max(end.x, x0 + half_m), x1 - half_m)  # so that there is room below it
-        ends.append((word, end._replace(x=x), colours.ROUTE))
+        (width_m, height_m), (x0, y0, x1, _) = LABELS.times(shown.scale).box(word), shown.walls
+        x = min(max(end.x, x0 + 0.45 * width_m), x1 - 0.45 * width_m)  # so that all of it can be below
+        is_low = end.y - y0 < end.height / 2 + height_m
+        ends.append((word, end if is_low else end._replace(x=x), colours.ROUTE))
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = (box_of(Walls(*table)) for table in shown.layout.tables.values())
     way += _write_labels(axes, ends, dots, [*way, *tables], shown)
@@ -296,11 +298,8 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     marks: list[tuple[str, Style]] = [
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *([(RINGS, EXTREME)] if RINGS in drawn else []),
-        ('other tag that was read', READ),
+        *((str(each['label']), each) for each in (EXTREME, READ, UNREAD) if each['label'] in drawn),
     ]
-    if {*shown.layout.tags} - {*shown.readings, *shown.failed}:
-        marks.append(('tag without a reading', UNREAD))
     if shown.route:
         marks += _marks_of_failed(shown)
     if empty_cell:
