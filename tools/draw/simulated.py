@@ -9,11 +9,11 @@ from typing import TypeAlias
 import numpy as np
 import scipy.special
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge.display.placing import Point
+from lupin_greenhouse_bridge.display.placing import Point, box_of
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.layout import require_layout, shipped_file
 from lupin_greenhouse_bridge.simulator.simulation import load
@@ -34,6 +34,7 @@ class Greenhouse:
         ]
         load(Settings(), *self.files)
         self.layout = require_layout(tag_file)
+        self.tables = [box_of(Walls(*each)) for each in self.layout.tables.values()]
         self.walls = find_walls(self.layout, sim_config_file)
         self.approaches = find_approaches(self.layout, self.walls, ViewingLimits())
         self.route = plan_route(self.approaches.free_space, self.approaches.poses, None, 'shortest')

@@ -33,7 +33,7 @@ SCHEMES: dict[str, dict[Any, Any]] = {
 # By the paper: the other end of the field's shades, and the tables without such a shade.
 FIELD_END = {'white': '0.7', '#0d1117': '0.44'}
 TABLE = {'white': '#b5936b', '#0d1117': '#a28157'}
-LINES = 3  # of equal values, at most about
+LINES, NEAR_END = 3, 0.12  # of equal values, at most about; and where the bar has no room for their numbers
 SHORTEST_LINE_M = 0.3
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
@@ -70,12 +70,14 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     write_key(axes, greenhouse, 3, borderaxespad=3.6)  # below the label of the x axis
     title = f'{pluralized(len(layout.tags), "tag")}, each in the colours of its sensors'
     axes.set_title(title, weight='bold', pad=TITLE_PAD)
-    ends = np.unique(axes.images[0].get_clim())  # one, if the field has one value
-    bar = drawings.draw_colour_bar(axes, axes.images[0], walls, ticks=ends).ax
-    bar.set_title(name_at(options), pad=4)
-    texts = [f'{units.value_text(options.sensor, each)} {units.unit_of(options.sensor)}' for each in ends]
-    for label, side in zip(bar.set_xticklabels(texts), ('left', 'right'), strict=False):
-        label.set_ha(side)
+    low, high = axes.images[0].get_clim()
+    (lines,) = (each for each in axes.get_children() if isinstance(each, ContourSet))
+    inner = [each for each in lines.levels if min(each - low, high - each) > NEAR_END * (high - low)]
+    ends = sorted({low, high})  # one, if the field has one value
+    bar = drawings.draw_colour_bar(axes, axes.images[0], walls)
+    texts = [*(units.value_text(options.sensor, each) for each in ends), *(f'{each:g}' for each in inner)]
+    bar.set_ticks([*ends, *inner], labels=texts)
+    bar.ax.set_title(f'{name_at(options)} ({units.unit_of(options.sensor)})', pad=4)
     return figure
 
 
@@ -96,7 +98,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     taken = draw_field(axes, greenhouse, options, part, size, taken)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
-    draw_tags(axes, greenhouse, seen, size, taken)
+    draw_tags(axes, greenhouse, seen, size, [*taken, *greenhouse.tables])
     write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
     shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
@@ -144,12 +146,11 @@ def draw_reading(
         lines.append(f'{units.name_of(name)} {units.value_text(name, value)} {units.unit_of(name)}')
     width_m, height_m = max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
     dots = [placing.Box(*each[:2], size.height_m, size.height_m) for each in tags.values()]
-    tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
     step_m = size.height_m / 2
     drawn = [robot, *(placing.Box(x, y, step_m, step_m) for x, y, _ in placing.steps_of(sight, step_m))]
     around = placing.Box(*pose[:2], robot.width + step_m, robot.height + step_m)  # room for the tail
     labels = [(around, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
-    place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, bounds)
+    place, name_place = placing.place_labels([*dots, *greenhouse.tables, *drawn], labels, bounds)
     frame = {'boxstyle': 'round,pad=0.65', 'mutation_aspect': 0.5, 'facecolor': ink, 'edgecolor': 'none'}
     style = {'color': paper, 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
     # It begins below the text and not at the frame, where a seam would be seen.
@@ -187,10 +188,10 @@ def draw_field(
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
-    tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
     around = [dot._replace(width=7 * dot.width, height=3 * dot.height) for dot in dots]
-    values = write_values(axes, lines, part, units.unit_of(options.sensor), size, [*taken, *around, *tables])
-    return [*taken, *dots, *tables, *values]
+    covered = [*taken, *around, *greenhouse.tables]
+    values = write_values(axes, lines, part, units.unit_of(options.sensor), size, covered)
+    return [*taken, *dots, *values]
 
 
 def write_values(
@@ -229,7 +230,7 @@ def draw_tags(
     """Draw each tag as a disc with a sector in the colour of each sensor, its id and letters beside it."""
     ink, points, colours = pyplot.rcParams['text.color'], pyplot.rcParams['font.size'], colours_of(greenhouse)
     labels = []
-    for tag_id in sorted(tag_ids, key=lambda each: -greenhouse.layout.tags[each].y):
+    for tag_id in sorted(tag_ids, key=lambda each: greenhouse.layout.tags[each].y):
         (x, y, _), subset = greenhouse.layout.tags[tag_id], greenhouse.subset_of[tag_id]
         for number, letter in enumerate(subset):
             ends = (-90 - 360 * (number + after) / len(subset) for after in (1, 0))  # clockwise
@@ -238,7 +239,8 @@ def draw_tags(
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
     style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    drawings.write_labels(axes, labels, size, taken, placing.box_of(Walls(x0, y0, x1, y1)), **style)
+    bounds = placing.box_of(Walls(x0, y0, x1, y1))
+    drawings.write_labels(axes, labels, size, taken, bounds, greenhouse.tables, **style)
 
 
 def write_key(owner: Any, greenhouse: Greenhouse, columns: int, **place: Any) -> None:

@@ -16,8 +16,9 @@ ARROW_EVERY, MOST_ARROWS = 4, 200  # along a path without stops: in lengths of a
 SHARED_M, PARALLEL, MOST_STEPS = 0.06, 0.3, 1000
 SMOOTHED = 9  # steps, an odd number
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
-# Of a label at the double distance from its dot, and of one nearer to another dot: shares of its area.
-FAR_COST, NEARER_COST = 0.15, 0.05
+# Of a label at the double distance from its dot, of one nearer to another dot, and on a box below: shares of
+# its area.
+FAR_COST, NEARER_COST, BELOW_COST = 0.15, 0.05, 0.05
 END_M = 0.24  # the mark at an end of a path
 Point = tuple[float, float]
 
@@ -47,13 +48,16 @@ def overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def place_labels(
-    dots: Sequence[Box], labels: Sequence[tuple[Box, float, float]], bounds: Box | None = None
+    dots: Sequence[Box],
+    labels: Sequence[tuple[Box, float, float]],
+    bounds: Box | None = None,
+    below: Sequence[Box] = (),
 ) -> list[Point]:
     """
     Return the centre of each label: nearest to its own dot, off the dots and labels, and within the bounds.
 
     Each label is given as its dot, its width and its height. A label may lie on its own dot if this dot has
-    no size, or else beside it with a gap.
+    no size, or else beside it with a gap; and on a box below, if the other places are worse.
     """
     taken = np.zeros((len(dots) + len(labels), 4))  # the dots, and then the labels
     taken[: len(dots)] = np.reshape(dots, (-1, 4))
@@ -70,6 +74,7 @@ def place_labels(
         around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
         near = taken[:count][overlaps(around, taken[:count])[0] > 0.0]
         costs = overlaps(boxes, near).sum(axis=1)
+        costs += BELOW_COST * overlaps(boxes, np.reshape(below, (-1, 4))).sum(axis=1)
         if dot.width:
             others = labelled[overlaps(around, labelled)[0] > 0.0]
             distances_m, to_dot_m = (

@@ -182,11 +182,12 @@ def write_labels(
     size: LabelSize,
     taken: Sequence[Box],
     bounds: Box | None = None,
+    below: Sequence[Box] = (),
     **style: Any,
 ) -> list[Box]:
     """Write texts, each given with its dot and its colour, beside their dots and where no box is taken."""
     sized = [(dot, *size.box(text)) for text, dot, _ in labels]
-    places = place_labels(taken, sized, bounds)
+    places = place_labels(taken, sized, bounds, below)
     for place, (text, _, colour) in zip(places, labels, strict=True):
         axes.text(*place, text, color=colour, **{'fontsize': POINTS, **CENTRED, **style})
     return [Box(*place, *each[1:]) for place, each in zip(places, sized, strict=True)]
