@@ -260,12 +260,13 @@ def _write_labels(
     size, bounds, boxes = LABELS.times(shown.scale), box_of(shown.walls), list[Box]()
     outline = [withStroke(linewidth=2, foreground='white')]
     style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
-    places, margin_m = np.reshape([*dots.values()], (-1, 4)), shown.scale * AWAY_M
-    for label in labels:
-        is_other = (places[:, :2] != label[1][:2]).any(axis=1)
-        margins = np.outer(is_other, [0.0, 0.0, margin_m, margin_m])
-        away = [*map(Box._make, (places + margins).tolist()), *taken, *boxes]
-        boxes += drawings.write_labels(axes, [label], size, away, bounds, **style)
+    solid = np.reshape([*dots.values(), *taken], (-1, 4))
+    solid[: len(dots), 2:] += shown.scale * AWAY_M
+    for text, dot, colour in labels:
+        apart_m, reach_m = np.abs(solid[:, :2] - dot[:2]), dot.width + 3 * size.width_m(text)
+        is_near = (apart_m - solid[:, 2:] / 2 < reach_m).all(axis=1) & apart_m.any(axis=1)
+        near = [dot, *map(Box._make, solid[is_near].tolist()), *boxes]
+        boxes += drawings.write_labels(axes, [(text, dot, colour)], size, near, bounds, **style)
     return boxes
 
 
