@@ -52,11 +52,7 @@ from std_srvs.srv import Trigger
 
 HOUR = 3600.0  # of a state that only the test ends
 READER = {'bridge_service_name': '/held/get_tag_reading'}
-CAMERA = {
-    **READER,
-    'visual_confirmation_service': '/held/confirm_tag',
-    'require_visual_confirmation': True,
-}
+CAMERA = {**READER, 'visual_confirmation_service': '/held/confirm_tag', 'require_visual_confirmation': True}
 # DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
 REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
 TWIN_QOS = latched(50)  # reliable, as by default
@@ -114,11 +110,7 @@ class HeldService:
         self._replied = 0
         self._is_closed = False
         node.create_service(
-            service_type,
-            name,
-            self._handle,
-            qos_profile=SERVICE_QOS,
-            callback_group=ReentrantCallbackGroup(),
+            service_type, name, self._handle, qos_profile=SERVICE_QOS, callback_group=ReentrantCallbackGroup()
         )
 
     def _handle(self, request, _response):

@@ -44,10 +44,7 @@ SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 
 @pytest.mark.parametrize(
     ('distance_m', 'angles_degrees', 'conditions'),
-    [
-        (0.5, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
-        (1.5, (0, 30, 45), (SHARP, NOISY)),
-    ],
+    [(0.5, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)), (1.5, (0, 30, 45), (SHARP, NOISY))],
 )
 def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, conditions):
     """Two ids; doc/confirm_tag.md of lupin_tag_confirmation has 30, also with blur at 1 m."""

@@ -130,7 +130,7 @@ function write_tags(line, { word, reason, tags, more }, name) {
   line.append(more, ' ');
   mark(line, 'span', { class: name }, word);
   const [, plain, code = ''] = /^(.*?)(?: (\(code \d+\)))?$/s.exec(reason);
-  if (plain) line.append(`: ${plain.replace(/(?<=\d,?) (?=(\S*\d )?m\b)/g, '\u00a0')}`);  // a position is on one line
+  if (plain) line.append(`: ${plain}`);
   if (code) mark(line, 'small', {}, code).before(' ');
 }
 

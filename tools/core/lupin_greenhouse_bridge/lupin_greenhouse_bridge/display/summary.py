@@ -52,8 +52,13 @@ def outcome_text(outcome: str) -> str:
 
 
 def failure_reason(detail: str) -> str:
-    """Return why a visit failed: what happened, and then with which code, without the name of the action."""
-    return re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+    """
+    Return why a visit failed: what happened, and then with which code, without the name of the action.
+
+    A position in it stays on one line.
+    """
+    reason = re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+    return re.sub(r'(\d), (-?[\d.]+) m\b', '\\1,\u00a0\\2\u00a0m', reason)
 
 
 def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
