@@ -86,6 +86,7 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     (tag,) = (each for each in data['tags'] if each['id'] == '1')
     assert (tag['values'], tag['stamp_ms']) == ([None, 700.0], (START_S + 5) * 1000)
     assert len(data['tags']) == len(shipped_tags)
+    assert not data['is_complete']  # tag 1 also has a temperature
 
 
 def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_with_them(report):
@@ -98,6 +99,7 @@ def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_w
             visit('12', 'TIMEOUT', 'no reply'),
         )
     )
+    assert data['is_complete']
     (sensor,) = data['sensors']
     assert sensor['extremes'] == [
         ['lowest 600 ppm at tag 5', ['5']],

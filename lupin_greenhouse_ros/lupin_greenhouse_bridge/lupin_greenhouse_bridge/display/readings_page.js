@@ -9,6 +9,7 @@ const TAB_HEIGHT = 170;
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the times of tags, would say nothing
+const MOST_ON_PAPER = 40;  // numbers of tags in a small map, which only paper shows
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
@@ -359,7 +360,7 @@ function write_key(sensor) {
   const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
   const outside = values.filter(value => value < low || value > high).length;
   element('outside').textContent = outside ? `▲ above, ▼ below the scale: ${outside}` : '';
-  element('without').textContent = `no ${sensor.name}`;
+  element('without').textContent = `no ${sensor.name}${data.is_complete ? ' sensor' : ''}`;
 }
 
 function draw_tab(sensor, number) {
@@ -369,11 +370,22 @@ function draw_tab(sensor, number) {
   const frame = frame_of(TAB_HEIGHT * aspect, TAB_HEIGHT, { left: 2, right: 2, top: 2, bottom: 2 });
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
-  const r = clamp(frame.scale * 0.22, 1.5, 6);
-  for (const tag of [...placed_tags].sort((one, other) => one.has_failed - other.has_failed)) {
-    const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
-    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r) });
-    else if (fill) mark(svg, 'circle', { class: 'value', cx, cy, r, stroke: 'currentColor', ...filled(fill) });
+  const radius = clamp(frame.scale * 0.22, 1.5, 6);
+  const dots = placed_tags.map(tag => ({
+    x: frame.x(tag.x), y: frame.y(tag.y), radius, outer: radius, width: width_of(tag.id), tag,
+    fill: sensor.colours[tag.number],
+  })).filter(({ tag, fill }) => tag.has_failed || fill).sort((one, other) => one.tag.has_failed - other.tag.has_failed);
+  for (const { x, y, tag, fill } of dots) {
+    const circle = { class: 'value', cx: x, cy: y, r: radius, stroke: 'currentColor' };
+    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(x, y, radius) });
+    else mark(svg, 'circle', { ...circle, ...filled(fill) });
+  }
+  const numbers = mark(svg, 'g', { class: 'paper' }), { room } = frame;
+  const boxes = { taken: dots.map(({ x, y }) => around(x, y, 2 * radius, 2 * radius)), room, route: [], dots };
+  if (dots.length <= MOST_ON_PAPER) {
+    plan_labels(dots, boxes);
+    for (const dot of dots) label_dot(numbers, dot, boxes, 'muted halo', dot.tag.id);
+    if (numbers.querySelector('.spare')) numbers.remove();
   }
   mark(tab, 'span', {}, sensor.value_range);
   const [low, high] = sensor.limits.map(each => short(each, 3));

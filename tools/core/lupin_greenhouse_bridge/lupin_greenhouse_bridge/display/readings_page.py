@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits
 from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
@@ -163,6 +163,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
         'is_of_several_times': len(times_of_day) > 1,
+        'is_complete': _is_complete(all_tags, layout),
         'speed': summary.speed_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
         'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
@@ -194,6 +195,16 @@ def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[flo
             for text, tag_ids in summary.extremes_of(sensor, known)
         ],
     }
+
+
+def _is_complete(tags: dict[str, dict[str, Any]], layout: Layout) -> bool:
+    """Return whether each tag that was read lacks only values of sensors that it does not have."""
+    return all(
+        tag_id in layout.tags and sensor not in layout.tags[tag_id].sensors
+        for tag_id, tag in tags.items()
+        for sensor, value in tag['values'].items()
+        if tag['outcome'] == 'read' and value is None
+    )
 
 
 def _counts_of(tags: dict[str, dict[str, Any]], failures: list[summary.Failures]) -> list[tuple[str, bool]]:
