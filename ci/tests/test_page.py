@@ -165,6 +165,8 @@ def visit(number, tag_id, sensors, outcome='OK'):
         found |= {'detail': '', 'stamp': {'sec': START_S + number, 'nanosec': 0}}
         found['sim_time_of_day_seconds'] = 1800.0 * (number % 48)
         found['readings'] = dict.fromkeys(sensors, 20.0 + number)
+    else:
+        found['goal'] = [0.9, 1.0 + number]
     return json.dumps(found)
 
 
@@ -235,8 +237,8 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     facts = page.evaluate("document.getElementById('file').textContent")
     assert facts.endswith(' · greenhouse 00:00 to 14:00 at about 1,800\u00d7 real time')
     assert sorted(page.evaluate(LABELS)) == sorted(tags)
-    assert page.evaluate(COVERED_IN_CHARTS) == []
-    assert page.evaluate(CUT) == []
+    assert page.evaluate("document.querySelectorAll('#map circle.unreached').length") == len(failed)
+    assert page.evaluate(COVERED_IN_CHARTS) == page.evaluate(CUT) == []
     read = [tag for tag_id, tag in tags.items() if tag_id not in failed]
     assert page.evaluate(LINES) == sum(len(tag.sensors) for tag in read)
     (name,) = [each for each in page.evaluate(NAMES) if each.startswith('tag 1:')]

@@ -36,7 +36,7 @@ from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, Run, reply_of, state_message
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
-from lupin_mission.plan import Place
+from lupin_mission.plan import Place, Plan
 from lupin_mission.planner import Drives, Planner
 from lupin_mission.report import Report, ReportError, read_tags, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
@@ -66,6 +66,7 @@ class MissionNode(Node):
     # ROS also destroys a node whose constructor has raised.
     _drive: Drive = SimulatedDrive(0.0)
     _planner: Planner | None = None
+    _planned: Plan | None = None
     _report: Report | None = None
 
     def __init__(self) -> None:
@@ -200,6 +201,7 @@ class MissionNode(Node):
             self._first_plan = self._planner.plan(self._chosen_ids())
 
     def _take(self, drives: Drives) -> None:
+        self._planned = drives.plan
         if isinstance(self._drive, Nav2Drive):
             self._drive.goals, self._drive.unreachable = drives.plan.goals, drives.plan.unreachable
         for warning in drives.warnings:
@@ -297,7 +299,10 @@ class MissionNode(Node):
         position = self._positions.position_of(observation.tag_id)
         self._announcer.closed(observation, run.mission_id, position)
         drive = '' if self._settings.drive == 'nav2' else self._settings.drive
-        run.observations.append(replace(observation, drive=drive))
+        goal = None
+        if self._planned and observation.outcome is Outcome.UNREACHABLE:
+            goal = self._planned.goal_in_layout_m(observation.tag_id, observation.pose)
+        run.observations.append(replace(observation, drive=drive, goal=goal))
         if self._report and not (run.fault or run.is_planning):
             try:
                 self._report.record(run.observations[-1])

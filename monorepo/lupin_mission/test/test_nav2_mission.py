@@ -255,7 +255,7 @@ def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
     start_mission, reader, navigator, twin, states_of
 ):
     """One tag has no pose; the drives to the other are aborted."""
-    _, unreachable = goals_of(robot_radius_m=0.3)
+    goals, unreachable = goals_of(robot_radius_m=0.3)
     no_pose, reason = next(iter(unreachable.items()))
     subscriber = twin()
     mission = start_mission(**NAV2, tag_sequence=f'{no_pose} 1', robot_radius_m=0.3)
@@ -267,6 +267,7 @@ def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
     assert mission.end() == 1
     assert len(navigator.goals) == 2
     assert reader.tag_ids == []
+    assert [each.goal for each in mission.observations()] == [None, pytest.approx(goals['1'][0][:2], 1e-3)]
     for tag_id, detail in ((no_pose, reason), ('1', f'{NAME} aborted the drive')):
         received = subscriber.wait_for()
         assert received.status_detail == f'tag {tag_id}: UNREACHABLE: {detail}'

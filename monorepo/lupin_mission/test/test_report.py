@@ -44,12 +44,7 @@ def test_a_report_that_another_program_cuts_goes_on_without_a_gap(tmp_path, size
 
 @pytest.mark.parametrize(
     'content',
-    [
-        'my notes',
-        '\n',
-        OK.to_line() + '\nnotes',
-        OK.to_line().replace('21.5', '-Infinity') + '\n',
-    ],
+    ['my notes', '\n', OK.to_line() + '\nnotes', OK.to_line().replace('21.5', '-Infinity') + '\n'],
 )
 def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
     path = tmp_path / 'notes.txt'

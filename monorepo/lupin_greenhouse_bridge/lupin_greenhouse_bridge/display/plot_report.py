@@ -39,6 +39,8 @@ ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to th
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5, label='other tag that was read')
 UNREAD = READ | {'markerfacecolor': 'white', 'label': 'tag without a reading'}
+UNREACHED = UNREAD | {'color': colours.FAILED, 'label': 'goal not reached'}
+TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
 RING: Style = {'markerfacecolor': 'none', 'markeredgewidth': 1.4, 'snap': False}
 EXTREME = point_style('o', 'black', 13, label='lowest or highest value', **RING)
 KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
@@ -58,6 +60,7 @@ class Greenhouse:
     route: list[Point]
     readings: dict[str, dict[str, Row]]  # the last rows by tag id and sensor, of tags that did not fail
     failed: dict[str, str]  # why not, in a word, by tag id
+    goals: dict[str, Point]  # where the robot could not stand, by the id of a failed tag
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -107,6 +110,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
 
     failures = summary.failures_of(recording.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
+    goals = {each.tag_id: each.goal for each in recording.visits if each.goal and each.tag_id in failed}
     last = last_reading_of_each_tag(rows)
     readings = {tag_id: reading for tag_id, reading in last.items() if tag_id not in failed}
     if not readings:
@@ -124,7 +128,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     is_wide = width_m / scale * INCHES_PER_M > SMALLEST_PANEL
     scale /= 1.0 if most_columns > 1 or is_wide else ONE_COLUMN_ZOOM
     inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
-    shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed)
+    shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed, goals)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure()
@@ -182,13 +186,17 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
     dots = _boxes_of(dict.fromkeys(crosses, DOT_M), shown)
+    sights = [(goal, tags[tag_id][:2]) for tag_id, goal in shown.goals.items() if tag_id in tags]
+    for sight in sights:
+        axes.plot(*zip(*sight, strict=True), **TO_TAG)
+        axes.plot(*sight[0], **UNREACHED)
     ends = []
     for word, end in ends_of_path(route).items():
         (width_m, height_m), (x0, y0, x1, _) = LABELS.times(shown.scale).box(word), shown.walls
         x = min(max(end.x, x0 + 0.45 * width_m), x1 - 0.45 * width_m)  # so that all of it can be below
         is_low = end.y - y0 < end.height / 2 + height_m
         ends.append((word, end if is_low else end._replace(x=x), colours.ROUTE))
-    way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
+    way = [Box(x, y, gap_m, gap_m) for each in (route, *sights) for x, y, _ in steps_of(each, gap_m)]
     tables = (box_of(Walls(*table)) for table in shown.layout.tables.values())
     way += _write_labels(axes, ends, dots, [*way, *tables], shown)
     labels = [(tag_id, dots[tag_id], colours.FAILED) for tag_id in crosses]
@@ -299,7 +307,11 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     marks: list[tuple[str, Style]] = [
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *((str(each['label']), each) for each in (EXTREME, READ, UNREAD) if each['label'] in drawn),
+        *(
+            (str(each['label']), each)
+            for each in (EXTREME, READ, UNREAD, UNREACHED)
+            if each['label'] in drawn
+        ),
     ]
     if shown.route:
         marks += _marks_of_failed(shown)
@@ -357,11 +369,11 @@ def _write_texts(
             pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
             lines.append(_line_of([each for each in pieces if each[0]], small, 0))
     when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
-    lines += _lines_of([(summary.greenhouse_times(between), '0.35'), (when, '0.35')], figure, small)
+    greenhouse = f'{summary.greenhouse_times(between)} {summary.speed_text(rows)}'.rstrip()
+    lines += _lines_of([(greenhouse, '0.35'), (when, '0.35')], figure, small)
     _write_lines(title, lines, title, 1.0, 12)
     has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
-    speed = summary.speed_text(rows)
-    rest = [summary.SEVERAL_TIMES * has_times, speed and f'greenhouse clock {speed}', escaped(name, 64)]
+    rest = [summary.SEVERAL_TIMES * has_times, escaped(name, 64)]
     texts = ([(text, '0.35')] for text in rest if text)
     lines = [line for text in texts for line in _lines_of(text, figure, {'fontsize': 9})]
     _write_lines(title, lines, key, 0.0, -8)

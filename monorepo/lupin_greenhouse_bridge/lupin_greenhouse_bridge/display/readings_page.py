@@ -277,6 +277,7 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
             'outcome': outcome,
             'reason': summary.failure_reason(visit.detail) if visit else '',
             'attempts': visit and visit.attempts,
+            'goal': visit.goal if visit and has_failed else None,
             'stamp_ms': row and row.stamp_ns // NS_PER_MS,
             'time_of_day': row and row.sim_time_of_day_seconds,
             'values': {each: shown[each].value if each in shown else None for each in sensors},

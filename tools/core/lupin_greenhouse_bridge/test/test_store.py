@@ -327,10 +327,11 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
     seen=st.sampled_from([None, True, False]),
     pose=st.integers(1, 9),
     drive=st.sampled_from(['', 'simulated']),
+    goal=st.none() | st.tuples(NUMBERS, NUMBERS),
 )
-def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values, seen, pose, drive):
+def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values, seen, pose, drive, goal):
     reading = Reading(tag_id, stamp, time_of_day, values)
-    observation = Observation(tag_id, Outcome.OK, '', 1, reading, seen, pose, drive)
+    observation = Observation(tag_id, Outcome.OK, '', 1, reading, seen, pose, drive, goal)
     line = observation.to_line()
     assert '\n' not in line
     assert ('"drive": "simulated"}' in line[-22:]) == bool(drive)  # older reports have none
@@ -423,6 +424,7 @@ def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_p
         ('{"tag_id": ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
         (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (cannot convert float inf'),
         (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
+        (REPORT.replace('"att', '"goal": [NaN, 1], "att'), 'goal is [nan, 1.0]: must be x and y in metres'),
         (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'not an observation (it has no value)'),
         (
             REPORT + REPORT.partition('\n')[0].replace('1795189976', f'{10**17}'),

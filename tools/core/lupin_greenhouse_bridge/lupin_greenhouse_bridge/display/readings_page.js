@@ -312,6 +312,7 @@ function draw_map() {
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
   }
+  for (const dot of dots) if (dot.tag.goal) draw_goal(svg, frame, dot, boxes);
   dots.sort((one, other) => other.urgency - one.urgency);
   plan_labels(dots.map(({ label }) => label), boxes);
   for (const dot of dots) draw_tag(svg, dot, boxes);
@@ -321,6 +322,16 @@ function draw_map() {
   svg.addEventListener('click', event => event.target.closest('a') || choose(nearest(dots, svg, event, 22)?.tag));
   write_key(sensor);
   show_chosen();
+}
+
+// Draws where the robot could not stand, with a line to the tag that it could not read.
+function draw_goal(svg, frame, { x, y, outer, tag }, { room, taken, route }) {
+  const [cx, cy] = [frame.x(tag.goal[0]), frame.y(tag.goal[1])], box = around(cx, cy, 12, 12);
+  if (!common(box, room)) return;
+  mark(svg, 'path', { class: 'unreached', d: path_of([[cx, cy], [x, y]]) });
+  mark(svg, 'circle', { class: 'unreached', cx, cy, r: 4 });
+  taken.push(box);
+  route.push(...leader_to(x, y, outer, box));
 }
 
 function draw_tag(svg, { tag, value, x, y, radius, outer, urgency, label, text }, boxes) {
@@ -775,6 +786,7 @@ element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;
+element('goals').hidden = !data.tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;

@@ -1,6 +1,7 @@
 """A line of a mission's report: the outcome at one tag, as JSON. Does not import ROS."""
 
 import json
+import math
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -68,6 +69,7 @@ class Observation:
     seen: bool | None = None  # by the camera; None if it was not asked
     pose: int = 1  # of the tag's approach poses, the last one that the robot was sent to
     drive: str = ''  # 'simulated' if no robot moved
+    goal: tuple[float, float] | None = None  # x and y of this pose in the layout, if the drive to it failed
 
     def to_line(self) -> str:
         """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
@@ -83,6 +85,7 @@ class Observation:
                 'readings': reading and reading.values,
                 'seen': self.seen,  # older reports have none of these three
                 'pose': self.pose,
+                **({'goal': self.goal} if self.goal else {}),
                 **({'drive': self.drive} if self.drive else {}),
             },
             allow_nan=False,
@@ -105,12 +108,16 @@ class Observation:
             if seen not in (None, True, False):
                 raise ValueError(f'seen is {seen!r}: must be true, false or null')
             detail, attempts = str(data['detail']), int(data['attempts'])
+            goal = None if data.get('goal') is None else [float(each) for each in data['goal']]
+            if goal is not None and not (len(goal) == 2 and all(map(math.isfinite, goal))):
+                raise ValueError(f'goal is {goal}: must be x and y in metres')
         except _NO_OBSERVATION as error:
             reason = next((text for kind, text in _FAULTS.items() if isinstance(error, kind)), '{}')
             raise ValueError(f'is not an observation ({reason.format(error)})') from error
         if reading and reading.fault:
             raise WrongValueError(f'has a wrong value: {reading.fault}')
-        return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive)
+        place = (goal[0], goal[1]) if goal else None
+        return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive, place)
 
 
 def has_report(path: Path) -> bool:
