@@ -21,6 +21,7 @@ import subsets
 import tag_sheet
 import yaml
 from lupin_greenhouse_bridge.display import drawings, placing
+from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_greenhouse_bridge.units import unit_of
 from lupin_tag_confirmation.detector import TagDetector
@@ -288,13 +289,14 @@ def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     robots = [each for each in filled(axes, Circle) if each.radius == 0.2]
     heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
-    noses = [each for each in axes.patches if isinstance(each, Wedge)]
-    for _, disc, nose, (tip, _, back, *_) in zip(tags, robots, noses, heads, strict=True):
-        (x, y), yaw = disc.center, math.radians(nose.theta1 + nose.theta2) / 2
-        assert (nose.center, nose.r) == ((x, y), 0.2)
+    for _, disc, (tip, _, back, *_) in zip(tags, robots, heads, strict=True):
         to_tag = min(((tag['x'], tag['y']) - tip for tag in tags.values()), key=np.linalg.norm)
-        for along in (tip - (x, y), tip - back, np.array([math.cos(yaw), math.sin(yaw)])):
+        for along in (tip - disc.center, tip - back):
             assert to_tag == pytest.approx(0.052 * along / np.linalg.norm(along), abs=0.001)
+    assert not filled(axes, Wedge)
+    assert not drawings.draw_robot(axes, ApproachPose(1.0, 2.0, 0.5, 1.0, 0.0), (2.0, 2.0), 0.2)
+    (nose,) = filled(axes, Wedge)
+    assert (*nose.center, nose.r, nose.theta1 + nose.theta2) == pytest.approx((1, 2, 0.2, math.degrees(1)))
     assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))
 
 

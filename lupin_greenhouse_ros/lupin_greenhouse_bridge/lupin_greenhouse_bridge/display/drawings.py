@@ -59,14 +59,15 @@ BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
-NOSE_DEGREES, NOSE_SHARE = 21, 0.3
+NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
 # In the key, as all until FURTHER.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
+DISC = point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7)
+TURNED = DISC, point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0)
 ROBOT = (
-    point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7),
-    point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0),
+    DISC,
     point_style('o', colours.ROUTE, 11),
     point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
 )
@@ -75,7 +76,7 @@ DOT_AT_LEFT = np.transpose([0.35 * np.cos(TURN) - 1.5, 0.35 * np.sin(TURN)])
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.ROUTE, 20, markeredgewidth=0)
 FURTHER = (
     SIGHT,
-    point_style(DOT_AT_LEFT, colours.ROUTE, 20, markeredgewidth=0),
+    point_style(DOT_AT_LEFT, 'white', 20, markeredgecolor=colours.ROUTE),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
     point_style(r'$\mathbf{7}$', colours.ROUTE, 6, markeredgewidth=0),
 )
@@ -106,7 +107,8 @@ LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
 DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-DOT: Style = {'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.8}
+DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.8}
+DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.8}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -233,13 +235,17 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m:
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
-def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
-    """Draw the disc of the robot to scale, and its heading as a nose at the rim."""
+def draw_robot(axes: Any, pose: ApproachPose, tag: Point, radius_m: float) -> bool:
+    """Draw the disc of the robot to scale, and a nose if it does not face the tag; return whether it does."""
     from matplotlib.patches import Circle, Wedge
 
     axes.add_patch(Circle(pose[:2], radius_m, **SEE_THROUGH, zorder=1.7))
-    ends = (math.degrees(pose.yaw) + side * NOSE_DEGREES for side in (-1, 1))
-    axes.add_patch(Wedge(pose[:2], radius_m, *ends, width=NOSE_SHARE * radius_m, **NOSE))
+    to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
+    is_facing = math.cos(pose.yaw - to_tag) > math.cos(math.radians(ASIDE_DEGREES))
+    if not is_facing:
+        ends = (math.degrees(pose.yaw) + side * NOSE_DEGREES for side in (-1, 1))
+        axes.add_patch(Wedge(pose[:2], radius_m, *ends, width=NOSE_SHARE * radius_m, **NOSE))
+    return is_facing
 
 
 def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str = colours.ROUTE) -> Box:
@@ -284,11 +290,10 @@ def draw_route(
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
-    heads = [_draw_sight(axes, *line, scale) for _, line in stops]
-    for pose, _ in stops:
-        draw_robot(axes, pose, robot_radius_m)
-    robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     digits = DIGITS.times(scale).box(str(len(stops)))
+    heads = [_draw_sight(axes, *line, scale, math.hypot(*digits) / 4) for _, line in stops]
+    are_facing = [draw_robot(axes, pose, tag, robot_radius_m) for pose, (_, tag) in stops]
+    robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
     side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
     robots = [Box(*pose[:2], side_m, side_m) for pose, _ in stops]
@@ -315,9 +320,10 @@ def draw_route(
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {**SIGHT, 'linestyle': '-', 'marker': '>', 'markersize': 5},
-        f'stop: the robot (radius {robot_radius_m:g} m) and its heading': ROBOT if has_room else ROBOT[:2],
-        'line of sight to the tag that it reads': AIMED,
-        **({'number of a crowded stop, on its line of sight': FURTHER} if further else {}),
+        f'stop: the robot (radius {robot_radius_m:g} m)': ROBOT if has_room else DISC,
+        'heading, to the tag that it reads': AIMED,
+        **({} if all(are_facing) else {'heading that is not to the tag': TURNED}),
+        **({'number of a crowded stop, on its heading': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -330,11 +336,11 @@ def draw_route(
     return figure
 
 
-def _draw_sight(axes: Any, start: Point, end: Point, scale: float) -> Box:
-    """Draw the line of sight from a stop to its tag; return what the head of its arrow covers."""
-    share = 1.0 - scale * BEFORE_TAG_M / math.dist(start, end)
-    tip = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
-    axes.plot(*zip(start, end, strict=True), **SIGHT, zorder=1.9)
+def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> Box:
+    """Draw the line of sight from the dot of a stop to its tag; return what the head of its arrow covers."""
+    shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
+    first, tip = (1.0 - shares) * start + shares * end
+    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
     return draw_head(axes, start, tip, scale * HEAD_M)
 
 
@@ -369,7 +375,7 @@ def _draw_stops(
             further.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, facecolor=colours.ROUTE, **DOT))
+        axes.add_patch(Circle(pose[:2], dot_m, **(DOT if number in further else DISC_OF_NUMBER)))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
     plate = {'boxstyle': 'circle,pad=0.1', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
     middles = np.array([pose[:2] for pose in poses])

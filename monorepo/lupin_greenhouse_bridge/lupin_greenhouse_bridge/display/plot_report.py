@@ -39,6 +39,7 @@ ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to th
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5, label='other tag that was read')
 UNREAD = READ | {'markerfacecolor': 'white', 'label': 'tag without a reading'}
+CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
 UNREACHED = UNREAD | {'color': colours.FAILED, 'label': 'goal not reached'}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
 RING: Style = {'markerfacecolor': 'none', 'markeredgewidth': 1.4, 'snap': False}
@@ -179,10 +180,11 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    _write_title(axes, shown, 'route' if route else 'tags read or not', more)
+    marks = _marks_of_ways(shown, axes.get_gridspec().ncols)
+    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=-(-len(marks) // 2))
     place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
     place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
-    drawings.write_key(axes, _marks_of_ways(shown), columns=2, **place).set_in_layout(False)
+    drawings.write_key(axes, marks, columns=2, **place).set_in_layout(False)
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
     dots = _boxes_of(dict.fromkeys(crosses, DOT_M), shown)
@@ -241,12 +243,15 @@ def _left_of(axes: Any, shown: Greenhouse) -> float:
     return float(axes.transLimits.transform((shown.walls.x0, 0.0))[0])
 
 
-def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, count: str = '') -> None:
+def _write_title(
+    axes: Any, shown: Greenhouse, title: str, more: str, count: str = '', key_rows: int = 1
+) -> None:
     """Write above the left wall a title, a count of tags beside it, and below it up to two small lines."""
     left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
     to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
     room = min(0.97 * axes.figure.bbox.width / columns, to_end)
-    above = ABOVE_MAP - LINE * (2 - len(more.splitlines())) * (columns == 1)  # or else as the one beside it
+    lines = len(more.splitlines()) + key_rows - 1
+    above = ABOVE_MAP - LINE * (2 - lines) * (columns == 1)  # or else as the one beside it
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
     beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
@@ -274,6 +279,7 @@ def _write_labels(
         apart_m, reach_m = np.abs(solid[:, :2] - dot[:2]), dot.width + 3 * size.width_m(text)
         is_near = (apart_m - solid[:, 2:] / 2 < reach_m).all(axis=1) & apart_m.any(axis=1)
         near = [dot, *map(Box._make, solid[is_near].tolist()), *boxes]
+        style['weight'] = 'bold' if colour == colours.FAILED else 'normal'
         boxes += drawings.write_labels(axes, [(text, dot, colour)], size, near, bounds, **style)
     return boxes
 
@@ -298,23 +304,20 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
 
 def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
     places = [shown.layout.tags[tag_id][:2] for tag_id in tag_ids]
-    style = {'marker': 'x', 's': 36, 'color': colours.FAILED, 'zorder': 5}
+    style = {'marker': 'X', 's': 70, 'color': colours.FAILED, 'edgecolor': 'white', 'zorder': 5}
     axes.scatter([x for x, _ in places], [y for _, y in places], **style)
 
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
+    told = _marks_of_ways(shown, figure.axes[0].get_gridspec().ncols) if shown.route or shown.failed else []
     marks: list[tuple[str, Style]] = [
-        *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
+        *_marks_of_tables(shown),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *(
-            (str(each['label']), each)
-            for each in (EXTREME, READ, UNREAD, UNREACHED)
-            if each['label'] in drawn
-        ),
+        *((str(each['label']), each) for each in (EXTREME, READ, UNREAD) if each['label'] in drawn),
+        *_marks_of_failed(shown),
     ]
-    if shown.route:
-        marks += _marks_of_failed(shown)
+    marks = [each for each in marks if each not in told]
     if empty_cell:
         place: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, **place)
@@ -324,17 +327,25 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
     return drawings.write_key(figure, marks, columns=columns, **left)
 
 
-def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, Style]]:
-    """Return what only the panel of the route has, or what it is about without a route."""
+def _marks_of_ways(shown: Greenhouse, columns: int) -> list[tuple[str, Style]]:
+    """Return what only the panel of the route has, or what it is about; all that it has if it is alone."""
+    if not shown.route:
+        return _marks_of_failed(shown)
     route = {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}
     stops = [('stop', STOP)] if placing.stops_of(shown.route) else []
-    return [('route', route), *stops] if shown.route else _marks_of_failed(shown)
+    others = [*_marks_of_tables(shown), ('tag read', READ), *_marks_of_failed(shown, '')]
+    return [('route', route), *stops, *(others if columns == 1 else [])]
 
 
-def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, Style]]:
+def _marks_of_failed(shown: Greenhouse, before: str = 'tag not read: ') -> list[tuple[str, Style]]:
     words = set(shown.failed.values())
-    word = f': {min(words)}' if len(words) == 1 else ''
-    return [(f'tag not read{word}', point_style('x', colours.FAILED, 6))] if words else []
+    word = f'{before}{min(words)}' if len(words) == 1 else 'tag not read'
+    goals = [(str(UNREACHED['label']), UNREACHED)] if shown.goals else []
+    return [(word, CROSS), *goals] if words else []
+
+
+def _marks_of_tables(shown: Greenhouse) -> list[tuple[str, Style]]:
+    return [('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []
 
 
 def _time_text(form: str, row: Row) -> str:

@@ -4,7 +4,7 @@ const element = id => document.getElementById(id);
 const { files, differences } = JSON.parse(element('data').textContent);
 const file_number = Number(new URLSearchParams(location.search).get('file'));
 const data = files[file_number] ?? files[0];
-const TAB_HEIGHT = 170;
+const TAB_HEIGHT = 220;
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the times of tags, would say nothing
@@ -16,10 +16,10 @@ const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
-const LEFT_OF_LONE = 8, RIGHT_OF_LONE = 22;  // of points without a line, room for their labels
+const BESIDE_LONE = 22;  // at both ends of a chart of points without a line, room for their labels
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
-const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
+const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000, HOUR_MS = DAY_MS / 24;
 const WALL_STEPS_MS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
 ].map(seconds => seconds * 1000);
@@ -387,7 +387,7 @@ function draw_tab(sensor, number) {
   })).filter(({ tag, fill }) => tag.has_failed || fill).sort((one, other) => one.tag.has_failed - other.tag.has_failed);
   for (const { x, y, tag, fill } of dots) {
     const circle = { class: 'value', cx: x, cy: y, r: radius, stroke: 'currentColor' };
-    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(x, y, radius) });
+    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(x, y, 0.75 * radius) });
     else mark(svg, 'circle', { ...circle, ...filled(fill) });
   }
   const numbers = mark(svg, 'g', { class: 'paper' }), { room } = frame;
@@ -537,7 +537,9 @@ function time_axis(width) {
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
   const wall_text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
   return {
-    low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text: is_wall ? wall_text : ms => day_time(ms / 1000),
+    low, high, ticks: ticks.length < 2 ? [first, last] : ticks,
+    halves: step === HOUR_MS ? ticks_of(low - offset, high - offset, step / 2).map(at => at + offset) : [],
+    text: is_wall ? wall_text : ms => day_time(ms / 1000),
     ms_of: is_wall ? ms => first + ms : seconds => seconds * 1000 + (seconds * 1000 < first ? DAY_MS : 0),
   };
 }
@@ -578,7 +580,7 @@ function draw_charts(is_again = false) {
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   const beside_others = document.querySelector('.beside')
-    ? '; touching points were read at the same time' : '';
+    ? '; a point that would cover another is moved to the right' : '';
   const { offsetHeight } = element('lines');
   element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
   if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left
@@ -587,7 +589,7 @@ function draw_charts(is_again = false) {
 
 function draw_chart({ sensor, place, readout, size: [width, height], values, labels }, left, right) {
   const times = time_axis(right - left);
-  const start = left + (labels.count ? 0 : LEFT_OF_LONE);
+  const start = left + (labels.count ? 0 : BESIDE_LONE);
   const x = at => start + (at - times.low) / (times.high - times.low) * (right - start);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
   const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
@@ -597,6 +599,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     mark(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${right}` });
     write(svg, left - 6, y(value) + 4, values.text(value), 'end');
   }
+  for (const at of times.halves) mark(svg, 'path', { class: 'tick', d: `M${x(at)} ${y(values.bottom)}v3` });
   for (const at of times.ticks) {
     mark(svg, 'path', { class: 'tick', d: `M${x(at)} ${y(values.bottom)}v5` });
     write(svg, Math.min(x(at), width - width_of(times.text(at)) / 2), height - 8, times.text(at), 'middle');
@@ -659,7 +662,7 @@ function column_of(sensor, height) {
   const texts = lines.map(line => end_text(sensor, data.tags[line.tag]));
   const count = texts.length > MOST_LABELLED ? 1 : Math.ceil(texts.length * LINE_STEP / (height - 34));
   const widest = Math.min(Math.max(...texts.map(width_of), 14), 80) + 6;
-  return { count, widest, width: count ? 14 + count * widest : RIGHT_OF_LONE, low: 8, high: height - 26 };
+  return { count, widest, width: count ? 14 + count * widest : BESIDE_LONE, low: 8, high: height - 26 };
 }
 
 // Returns the nearest places to these, in their order, which are this far apart and within the limits.
@@ -786,6 +789,8 @@ element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;
+const has_blanks = tags_in_table.some(tag => !tag.has_failed && tag.values.includes(null));
+element('blanks').hidden = !(data.is_complete && has_blanks);
 element('goals').hidden = !data.tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
