@@ -12,18 +12,18 @@ from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, chromium
 from lupin_greenhouse_bridge.display import plot_report, readings_page
-from PIL import Image
+from PIL import Image, ImageOps
 
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 MISSION = ROOT / 'monorepo/lupin_mission/doc'
-TOP_OF_TABLE = 'Math.floor(document.querySelector("#table").getBoundingClientRect().top)'
-WIDTH, DETAIL, SENSOR = 360, 2, 'temperature'  # as on a phone, in pixels of the page
+CUT = 'document.querySelector("#hint").remove(); document.querySelector("#table").getBoundingClientRect().top'
+WIDTH, DETAIL, BORDER, SENSOR = 358, 2, '#8c959f', 'temperature'  # as on a phone, in pixels of the page
 
 
 def main() -> int:
-    """Write the pictures of the last mission."""
+    """Write the pictures of the last mission; the hint of the page is for the page itself."""
     reports = sorted(REPORTS.glob('*.jsonl'))  # their names begin with the time
     if not (CHROMIUM and reports):
         missing = 'make mission first, whose report it shows' if CHROMIUM else NO_CHROMIUM
@@ -36,9 +36,10 @@ def main() -> int:
         with chromium() as browser:
             page = browser.new_page(viewport={'width': WIDTH, 'height': 900}, device_scale_factor=DETAIL)
             page.goto(path.as_uri())
-            height = page.evaluate(TOP_OF_TABLE)
+            height = int(page.evaluate(CUT))
             picture = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert('RGB')
-    picture.crop((0, 0, DETAIL * WIDTH, DETAIL * height)).save(COMMITTED, optimize=True)
+    picture = picture.crop((0, 0, DETAIL * WIDTH, DETAIL * height))
+    ImageOps.expand(picture, DETAIL, BORDER).save(COMMITTED, optimize=True)
     print(COMMITTED)
     for name, columns in (('report', '3'), ('report_phone', '1')):
         options = ['--sensor', SENSOR, '--columns', columns, '-o', f'{MISSION / name}.png']

@@ -18,6 +18,7 @@ const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, an
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const BESIDE_LONE = 22;  // at both ends of a chart of points without a line, room for their labels
+const APART = 7;  // between points of a chart at one time, so that none covers another
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000, HOUR_MS = DAY_MS / 24;
@@ -378,6 +379,15 @@ function draw_tab(sensor, number) {
   const tab = mark(element('tabs'), 'button', { type: 'button', role: 'tab', 'aria-controls': 'panel' });
   tab.addEventListener('click', () => pick(number));
   mark(tab, 'b', {}, sensor.name);
+  draw_small_map(tab, sensor);
+  mark(tab, 'span', {}, sensor.value_range);
+  const [low, high] = sensor.limits.map(each => short(each, 3));
+  const key = mark(tab, 'span', { class: 'key' });
+  key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
+  for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
+}
+
+function draw_small_map(tab, sensor) {
   const frame = frame_of(TAB_HEIGHT * aspect, TAB_HEIGHT, { left: 2, right: 2, top: 2, bottom: 2 });
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
@@ -388,21 +398,20 @@ function draw_tab(sensor, number) {
   })).filter(({ tag, fill }) => tag.has_failed || fill).sort((one, other) => one.tag.has_failed - other.tag.has_failed);
   for (const { x, y, tag, fill } of dots) {
     const circle = { class: 'value', cx: x, cy: y, r: radius, stroke: 'currentColor' };
-    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(x, y, 0.75 * radius) });
+    const d = cross_at(x, y, 0.75 * radius);
+    if (tag.has_failed) for (const name of ['around', 'cross']) mark(svg, 'path', { class: `${name} thin`, d });
     else mark(svg, 'circle', { ...circle, ...filled(fill) });
   }
-  const numbers = mark(svg, 'g', { class: 'paper' }), { room } = frame;
-  const boxes = { taken: dots.map(({ x, y }) => around(x, y, 2 * radius, 2 * radius)), room, route: [], dots };
-  if (dots.length <= MOST_ON_PAPER) {
-    plan_labels(dots, boxes);
-    for (const dot of dots) label_dot(numbers, dot, boxes, 'muted halo', dot.tag.id);
-    if (numbers.querySelector('.spare')) numbers.remove();
-  }
-  mark(tab, 'span', {}, sensor.value_range);
-  const [low, high] = sensor.limits.map(each => short(each, 3));
-  const key = mark(tab, 'span', { class: 'key' });
-  key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
-  for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
+  if (dots.length <= MOST_ON_PAPER) number_dots(mark(svg, 'g', { class: 'paper' }), dots, frame.room);
+}
+
+// Writes the ids of the tags beside their dots, if all have room.
+function number_dots(group, dots, room) {
+  const taken = dots.map(({ x, y, radius }) => around(x, y, 2 * radius, 2 * radius));
+  const boxes = { taken, room, route: [], dots };
+  plan_labels(dots, boxes);
+  for (const dot of dots) label_dot(group, dot, boxes, 'muted halo', dot.tag.id);
+  if (group.querySelector('.spare')) group.remove();
 }
 
 function pick(number) {
@@ -612,9 +621,10 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     }).sort((one, other) => one.at - other.at);
     if (points.length === 1) {  // beside those that it would cover
-      const [point] = points, other = lone.findLast(p => Math.abs(p.from - point.x) < 3 && Math.abs(p.y - point.y) < 6);
+      const [point] = points, is_near = p => Math.abs(p.from - point.x) < 3 && Math.abs(p.y - point.y) < APART;
+      const other = lone.findLast(is_near);
       point.from = point.x;
-      if (other) point.x = other.x + Math.sqrt(36 - (other.y - point.y) ** 2);  // they touch
+      if (other) point.x = other.x + Math.sqrt(APART ** 2 - (other.y - point.y) ** 2);
       lone.push(point);
       if (other) svg.classList.add('beside');
     }

@@ -106,7 +106,7 @@ LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
 DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.8}
+DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.95}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.8}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
@@ -380,7 +380,7 @@ def _draw_stops(
     middles = np.array([pose[:2] for pose in poses])
     for number in further:
         line, others = ways[number], points[points[:, 2] != number, :2]
-        ends = np.array([1.3, -1.7]) * disc_m / math.dist(*line) + (0.0, 1.0)
+        ends = np.array([1.3, -2.0]) * disc_m / math.dist(*line) + (0.0, 1.0)
         shares = np.linspace(ends[0], max(ends), 17)
         places = np.outer(1 - shares, line[0]) + np.outer(shares, line[1])
         tries = np.hstack([places, np.full((len(places), 2), 2 * disc_m)])

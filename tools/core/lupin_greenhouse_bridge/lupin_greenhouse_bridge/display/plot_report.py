@@ -5,7 +5,7 @@ import math
 import textwrap
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,20 +29,27 @@ from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
 LEFT, BELOW, ABOVE = 0.37, 0.57, 1.76  # inches for the labels of the axes, and between two rows
 MOST_COLUMNS, MOST_WIDER = 3, 3.0  # panels in a row; by what a wide greenhouse is wider than a usual one
-ONE_COLUMN_ZOOM = 1.25  # so that a usual greenhouse is as wide as a column of a paper
+ZOOM, ONE_COLUMN_ZOOM = 1.1, 1.25  # of a usual greenhouse; with the second it fills a column of a paper
 # The sizes of marks, which scale_of() scales.
 LANE_M, GAP_M, LABELS = 0.083, 0.125, LabelSize(0.125, 0.095, 0.283)
-RING_M, DOT_M, SMALL_DOT_M, AWAY_M = 0.4, 0.31, 0.21, 0.17  # the last: more of dots that a label is not of
+RING_M, DOT_M, CROSS_M, SMALL_DOT_M, AWAY_M = (
+    0.4,
+    0.31,
+    0.24,
+    0.21,
+    0.17,
+)  # the last: more of dots that a label is not of
 POINTS = 9.0  # of the labels and the key
 ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to the key of the route; of a line
 STOP = point_style('o', colours.ROUTE, 3.5)
-READ = point_style('o', '0.5', 4.5, label='other tag that was read')
-UNREAD = READ | {'markerfacecolor': 'white', 'label': 'tag without a reading'}
+READ = point_style('o', '0.5', 4.5, label='read')
+UNREAD = READ | {'markerfacecolor': 'white', 'label': 'unread'}
 CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
-UNREACHED = UNREAD | {'color': colours.FAILED, 'label': 'goal not reached'}
+UNREACHED = UNREAD | {'color': colours.FAILED}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
-RING: Style = {'markerfacecolor': 'none', 'markeredgewidth': 1.4, 'snap': False}
-EXTREME = point_style('o', 'black', 13, label='lowest or highest value', **RING)
+RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label='ring')
+# Drawn as the discs are: Matplotlib moves the markers of lines to whole pixels.
+RINGS: Style = {'s': 13**2, 'facecolor': 'none', 'edgecolor': 'black', 'linewidth': 1.4, 'label': 'ring'}
 KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
 MOST_NAMED = 30  # tags in a line of failures
 NO_BREAK = '\xa0'  # a space
@@ -126,7 +133,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     wider = width_m / height_m * drawings.USUAL_HEIGHT_M / drawings.USUAL_WIDTH_M
     scale /= min(max(1.0, math.sqrt(wider)), MOST_WIDER)  # so that its labels have as much room
     is_wide = width_m / scale * INCHES_PER_M > SMALLEST_PANEL
-    scale /= 1.0 if most_columns > 1 or is_wide else ONE_COLUMN_ZOOM
+    scale /= 1.0 if is_wide else ONE_COLUMN_ZOOM if most_columns == 1 else ZOOM
     inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
     shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed, goals)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
@@ -138,8 +145,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
         _draw_ways(panels[0], shown)
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor])
-    drawn = {line.get_label() for axes in panels for line in axes.lines}
-    key = _write_key(figure, empty_cell, shown, drawn)
+    drawn = {each.get_label() for axes in panels[has_ways:] for each in (*axes.lines, *axes.collections)}
+    key = _write_key(figure, empty_cell, shown, sensors, drawn)
     _write_texts(panels[0].title, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
@@ -180,13 +187,15 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         drawings.show_all(axes, shown.layout, shown.walls, route)
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
     marks = _marks_of_ways(shown, axes.get_gridspec().ncols)
-    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=-(-len(marks) // 2))
+    columns = 3 if len(marks) <= 3 else 2
+    rows = -(-len(marks) // columns)
+    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=rows)
     place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
     place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
-    drawings.write_key(axes, marks, columns=2, **place).set_in_layout(False)
+    drawings.write_key(axes, marks, columns, columnspacing=1.0, **place).set_in_layout(False)
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
-    dots = _boxes_of(dict.fromkeys(crosses, DOT_M), shown)
+    dots = _boxes_of(dict.fromkeys(crosses, CROSS_M), shown)
     sights = [(goal, tags[tag_id][:2]) for tag_id, goal in shown.goals.items() if tag_id in tags]
     for sight in sights:
         axes.plot(*zip(*sight, strict=True), **TO_TAG)
@@ -194,16 +203,17 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     ends = []
     for word, end in ends_of_path(route).items():
         (width_m, height_m), (x0, y0, x1, _) = LABELS.times(shown.scale).box(word), shown.walls
-        x = min(max(end.x, x0 + 0.45 * width_m), x1 - 0.45 * width_m)  # so that all of it can be below
+        x = min(max(end.x, x0 + width_m / 2), x1 - width_m / 2)  # so that all of it can be below
         is_low = end.y - y0 < end.height / 2 + height_m
         ends.append((word, end if is_low else end._replace(x=x), colours.ROUTE))
     way = [Box(x, y, gap_m, gap_m) for each in (route, *sights) for x, y, _ in steps_of(each, gap_m)]
     tables = (box_of(Walls(*table)) for table in shown.layout.tables.values())
-    way += _write_labels(axes, ends, dots, [*way, *tables], shown)
+    goals = [Box(*goal, gap_m, gap_m) for goal, _ in sights]
+    way += _write_labels(axes, ends, [*dots.values()], [*way, *tables], shown)
     labels = [(tag_id, dots[tag_id], colours.FAILED) for tag_id in crosses]
     downwards = sorted(dots.items(), key=lambda each: -each[1].y)
     labels += [(tag_id, dot, '0.35') for tag_id, dot in downwards if tag_id not in failed]
-    _write_labels(axes, labels, dots, way, shown)
+    _write_labels(axes, labels, [*dots.values(), *goals], way, shown)
     _draw_crosses(axes, shown, crosses)
 
 
@@ -218,18 +228,18 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
     _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
-    _draw_dots(axes, ringed, shown, EXTREME)
     _draw_others(axes, shown, {*values, *failed})
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
-    xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
-    points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, snap=False, **style)
-    sides_m = dict.fromkeys([*values, *failed], DOT_M) | dict.fromkeys(ringed, RING_M)
+    points = axes.scatter(*_places_of(values, shown), c=list(values.values()), zorder=5, snap=False, **style)
+    if ringed:
+        axes.scatter(*_places_of(ringed, shown), **RINGS, zorder=2, snap=False)
+    sides_m = dict.fromkeys(failed, CROSS_M) | dict.fromkeys(values, DOT_M) | dict.fromkeys(ringed, RING_M)
     dots = _boxes_of(sides_m, shown)
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
     labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
-    _write_labels(axes, labels, dots, [], shown)
+    _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
     bar = drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
@@ -248,7 +258,7 @@ def _write_title(
     """Write above the left wall a title, a count of tags beside it, and below it up to two small lines."""
     left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
     to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
-    room = min(0.97 * axes.figure.bbox.width / columns, to_end)
+    room = min(0.96 * axes.figure.bbox.width / columns, to_end)
     lines = len(more.splitlines()) + key_rows - 1
     above = ABOVE_MAP - LINE * (2 - lines) * (columns == 1)  # or else as the one beside it
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
@@ -264,7 +274,7 @@ def _write_title(
 
 
 def _write_labels(
-    axes: Any, labels: list[tuple[str, Box, str]], dots: dict[str, Box], taken: list[Box], shown: Greenhouse
+    axes: Any, labels: list[tuple[str, Box, str]], dots: list[Box], taken: list[Box], shown: Greenhouse
 ) -> list[Box]:
     """Write labels with a white outline, away from other dots and where no box is taken."""
     from matplotlib.patheffects import withStroke
@@ -272,7 +282,7 @@ def _write_labels(
     size, bounds, boxes = LABELS.times(shown.scale), box_of(shown.walls), list[Box]()
     outline = [withStroke(linewidth=2, foreground='white')]
     style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
-    solid = np.reshape([*dots.values(), *taken], (-1, 4))
+    solid = np.reshape([*dots, *taken], (-1, 4))
     solid[: len(dots), 2:] += shown.scale * AWAY_M
     for text, dot, colour in labels:
         apart_m, reach_m = np.abs(solid[:, :2] - dot[:2]), dot.width + 3 * size.width_m(text)
@@ -302,18 +312,30 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
 
 
 def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
-    places = [shown.layout.tags[tag_id][:2] for tag_id in tag_ids]
     style = {'marker': 'X', 's': 70, 'color': colours.FAILED, 'edgecolor': 'white', 'zorder': 5}
-    axes.scatter([x for x, _ in places], [y for _, y in places], **style)
+    axes.scatter(*_places_of(tag_ids, shown), **style)
 
 
-def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str]) -> Any:
+def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
+    """Return the x and the y of tags."""
+    return np.reshape([shown.layout.tags[tag_id][:2] for tag_id in tag_ids], (-1, 2)).T
+
+
+def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
     told = _marks_of_ways(shown, figure.axes[0].get_gridspec().ncols) if shown.route or shown.failed else []
+    tags = shown.layout.tags
+    lacking = ((tags[tag_id], {*sensors} - {*each}) for tag_id, each in shown.readings.items())
+    is_complete = all(each.isdisjoint(tag.sensors) for tag, each in lacking)
+    others = {
+        'lowest or highest value': RING,
+        'tag without this sensor' if is_complete else 'other tag that was read': READ,
+        'tag without a reading': UNREAD,
+    }
     marks: list[tuple[str, Style]] = [
         *_marks_of_tables(shown),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *((str(each['label']), each) for each in (EXTREME, READ, UNREAD) if each['label'] in drawn),
+        *((text, each) for text, each in others.items() if each['label'] in drawn),
         *_marks_of_failed(shown),
     ]
     marks = [each for each in marks if each not in told]
@@ -328,18 +350,20 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, drawn: set[str])
 
 def _marks_of_ways(shown: Greenhouse, columns: int) -> list[tuple[str, Style]]:
     """Return what only the panel of the route has, or what it is about; all that it has if it is alone."""
+    read = [('tag read', READ)]
     if not shown.route:
-        return _marks_of_failed(shown)
+        return [*read, *_marks_of_failed(shown)]
     route = {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}
     stops = [('stop', STOP)] if placing.stops_of(shown.route) else []
-    others = [*_marks_of_tables(shown), ('tag read', READ), *_marks_of_failed(shown, '')]
-    return [('route', route), *stops, *(others if columns == 1 else [])]
+    if columns > 1:
+        return [('route', route), *stops, *read]
+    return [('route', route), *stops, *_marks_of_tables(shown), *read, *_marks_of_failed(shown, '')]
 
 
 def _marks_of_failed(shown: Greenhouse, before: str = 'tag not read: ') -> list[tuple[str, Style]]:
     words = set(shown.failed.values())
     word = f'{before}{min(words)}' if len(words) == 1 else 'tag not read'
-    goals = [(str(UNREACHED['label']), UNREACHED)] if shown.goals else []
+    goals = [('goal not reached', UNREACHED | TO_TAG)] if shown.goals else []
     return [(word, CROSS), *goals] if words else []
 
 
