@@ -243,12 +243,11 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
     assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 22
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
-    sights = [line for line in lines if line.get_linestyle() == '--']
+    sights = [line for line in lines if line.get_color() == figure.colours.TAG_ID]
     places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in tags.items()}
     assert {tuple(line.get_xydata()[-1]) for line in sights} == set(places.values())
     on_top = [*sights, *(each for each in axes.patches if type(each) is Polygon)]
-    blue = (disc for disc in filled(axes, Circle) if disc.get_facecolor() != (1.0, 1.0, 1.0, 1.0))
-    assert min(each.zorder for each in on_top) > max(disc.zorder for disc in blue)
+    assert min(each.zorder for each in on_top) > max(disc.zorder for disc in filled(axes, Circle))
     boxes = {text: text.get_window_extent() for text in written}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes.values(), 2))
     for stop, place in itertools.product(stops, places.values()):

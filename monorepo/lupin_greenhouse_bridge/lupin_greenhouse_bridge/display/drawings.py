@@ -60,7 +60,7 @@ TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
-SIGHT: Style = {'color': colours.ROUTE, 'linestyle': (0, (4, 2)), 'linewidth': 0.7}
+SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
 # In the key, as all until FURTHER.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
@@ -73,7 +73,7 @@ ROBOT = (
 )
 TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_AT_LEFT = np.transpose([0.35 * np.cos(TURN) - 1.5, 0.35 * np.sin(TURN)])
-AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.ROUTE, 20, markeredgewidth=0)
+AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
 FURTHER = (
     SIGHT,
     point_style(DOT_AT_LEFT, 'white', 20, markeredgecolor=colours.ROUTE),
@@ -319,7 +319,7 @@ def draw_route(
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Mark] = {
-        'route, in the direction of its arrows': {**SIGHT, 'linestyle': '-', 'marker': '>', 'markersize': 5},
+        'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop: the robot (radius {robot_radius_m:g} m)': ROBOT if has_room else DISC,
         'heading, to the tag that it reads': AIMED,
         **({} if all(are_facing) else {'heading that is not to the tag': TURNED}),
@@ -340,8 +340,8 @@ def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float)
     """Draw the line of sight from the dot of a stop to its tag; return what the head of its arrow covers."""
     shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
     first, tip = (1.0 - shares) * start + shares * end
-    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
-    return draw_head(axes, start, tip, scale * HEAD_M)
+    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.96)
+    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
 
 
 def _draw_stops(

@@ -33,20 +33,15 @@ MOST_COLUMNS, MOST_WIDER = 3, 3.0  # panels in a row; by what a wide greenhouse 
 ZOOM, ONE_COLUMN_ZOOM = 1.1, 1.25  # of a usual greenhouse; with the second it fills a column of a paper
 # The sizes of marks, which scale_of() scales.
 LANE_M, GAP_M, LABELS = 0.083, 0.125, LabelSize(0.125, 0.095, 0.283)
-RING_M, DOT_M, CROSS_M, SMALL_DOT_M, AWAY_M = (
-    0.4,
-    0.31,
-    0.24,
-    0.21,
-    0.17,
-)  # the last: more of dots that a label is not of
+RING_M, DOT_M, CROSS_M, SMALL_DOT_M = 0.4, 0.31, 0.24, 0.21
+AWAY_M = 0.17  # that dots are larger for a label that is not theirs
 POINTS = 9.0  # of the labels and the key
 ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to the key of the route; of a line
 STOP = point_style('o', colours.ROUTE, 3.5)
-READ = point_style('o', '0.5', 4.5, label='read')
-UNREAD = READ | {'markerfacecolor': 'white', 'label': 'unread'}
+READ = point_style('o', '0.5', 4.5)
+WITHOUT = READ | {'markerfacecolor': 'white', 'label': 'without'}  # a reading, or a value
 CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
-UNREACHED = UNREAD | {'color': colours.FAILED}
+UNREACHED = WITHOUT | {'color': colours.FAILED}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
 RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label='ring')
 # Drawn as the discs are: Matplotlib moves the markers of lines to whole pixels.
@@ -155,15 +150,15 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
 def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
     width, height = shown.inches
-    gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
+    gap, above = max(SMALLEST_PANEL - width, SMALLEST_GAP), ABOVE + LINE / 72 * max(_key_rows(shown) - 2, 0)
     most = min(max(1, int(WIDEST / (width + gap))), most_columns)
     rows = -(-count // most)
     columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
-    right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + ABOVE) - ABOVE
+    right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + above) - above
     all_width = max(right + gap - SMALLEST_GAP, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
     figure.set_size_inches(all_width, all_height)
     sides = LEFT / all_width, BELOW / all_height, right / all_width, 1.0
-    figure.subplots_adjust(*sides, gap / width, ABOVE / height)
+    figure.subplots_adjust(*sides, gap / width, above / height)
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False, subplot_kw={'anchor': 'NW'})
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
@@ -179,7 +174,8 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     from matplotlib.transforms import offset_copy
 
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
-    _draw_others(axes, shown, {*failed})
+    _draw_dots(axes, [each for each in tags if each in shown.readings], shown, READ)
+    _draw_dots(axes, _unread_of(shown), shown, WITHOUT)
     if route:
         lanes = placing.lanes_of(route)
         points = (lanes[:, :2] + shown.scale * LANE_M * lanes[:, 3:]).tolist()
@@ -187,13 +183,10 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    marks = _marks_of_ways(shown, axes.get_gridspec().ncols)
-    columns = 3 if len(marks) <= 3 else 2
-    rows = -(-len(marks) // columns)
-    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=rows)
+    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=_key_rows(shown))
     place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
     place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
-    drawings.write_key(axes, marks, columns, columnspacing=1.0, **place).set_in_layout(False)
+    drawings.write_key(axes, _marks_of_ways(shown), columns=2, **place).set_in_layout(False)
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
     dots = _boxes_of(dict.fromkeys(crosses, CROSS_M), shown)
@@ -229,7 +222,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
     _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
-    _draw_others(axes, shown, {*values, *failed})
+    _draw_dots(axes, [each for each in tags if each not in {*values, *failed}], shown, WITHOUT)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     points = axes.scatter(*_places_of(values, shown), c=list(values.values()), zorder=5, snap=False, **style)
     if ringed:
@@ -260,8 +253,8 @@ def _write_title(
     left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
     to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
     room = min(0.96 * axes.figure.bbox.width / columns, to_end)
-    lines = len(more.splitlines()) + key_rows - 1
-    above = ABOVE_MAP - LINE * (2 - lines) * (columns == 1)  # or else as the one beside it
+    lines = len(more.splitlines()) + key_rows - 1 if columns == 1 else max(2, _key_rows(shown))
+    above = ABOVE_MAP + LINE * (lines - 2)
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
     beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
@@ -299,11 +292,8 @@ def _boxes_of(sides_m: dict[str, float], shown: Greenhouse) -> dict[str, Box]:
     return {tag_id: Box(*shown.layout.tags[tag_id][:2], side, side) for tag_id, side in sides.items()}
 
 
-def _draw_others(axes: Any, shown: Greenhouse, but: set[str]) -> None:
-    """Draw the tags but these, alike in all panels: filled if they were read."""
-    tag_ids = [tag_id for tag_id in shown.layout.tags if tag_id not in but]
-    _draw_dots(axes, [each for each in tag_ids if each in shown.readings], shown, READ)
-    _draw_dots(axes, [each for each in tag_ids if each not in shown.readings], shown, UNREAD)
+def _unread_of(shown: Greenhouse) -> list[str]:
+    return [each for each in shown.layout.tags if each not in {*shown.readings, *shown.failed}]
 
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
@@ -324,22 +314,17 @@ def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
-    told = _marks_of_ways(shown, figure.axes[0].get_gridspec().ncols) if shown.route or shown.failed else []
     tags = shown.layout.tags
     lacking = ((tags[tag_id], {*sensors} - {*each}) for tag_id, each in shown.readings.items())
-    is_complete = all(each.isdisjoint(tag.sensors) for tag, each in lacking)
-    others = {
-        'lowest or highest value': RING,
-        'tag without this sensor' if is_complete else 'other tag that was read': READ,
-        'tag without a reading': UNREAD,
-    }
+    is_complete = not _unread_of(shown) and all(each.isdisjoint(tag.sensors) for tag, each in lacking)
+    without = 'tag without this sensor' if is_complete else 'tag without a value'
+    others = ('lowest or highest value', RING), (without, WITHOUT)
     marks: list[tuple[str, Style]] = [
-        *_marks_of_tables(shown),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *((text, each) for text, each in others.items() if each['label'] in drawn),
-        *_marks_of_failed(shown),
+        *(each for each in others if each[1]['label'] in drawn),
+        *(_marks_of_failed(shown)[:1] if shown.route else []),
+        *(_marks_of_tables(shown) if not shown.route else []),
     ]
-    marks = [each for each in marks if each not in told]
     if empty_cell:
         place: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, **place)
@@ -349,21 +334,23 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, sensors: list[st
     return drawings.write_key(figure, marks, columns=columns, **left)
 
 
-def _marks_of_ways(shown: Greenhouse, columns: int) -> list[tuple[str, Style]]:
-    """Return what only the panel of the route has, or what it is about; all that it has if it is alone."""
-    read = [('tag read', READ)]
-    if not shown.route:
-        return [*read, *_marks_of_failed(shown)]
+def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, Style]]:
+    """Return what the panel of the route has, or the one of the tags that were read or not."""
+    read = [('tag read', READ), *([('without a reading', WITHOUT)] if _unread_of(shown) else [])]
     route = {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}
     stops = [('stop', STOP)] if placing.stops_of(shown.route) else []
-    if columns > 1:
-        return [('route', route), *stops, *read]
-    return [('route', route), *stops, *_marks_of_tables(shown), *read, *_marks_of_failed(shown, '')]
+    ways = [('route', route), *stops, *_marks_of_tables(shown)] if shown.route else []
+    return [*ways, *read, *_marks_of_failed(shown)]
 
 
-def _marks_of_failed(shown: Greenhouse, before: str = 'tag not read: ') -> list[tuple[str, Style]]:
+def _key_rows(shown: Greenhouse) -> int:
+    """Return the rows of the key of the panel of the route, which has two columns."""
+    return -(-len(_marks_of_ways(shown)) // 2) if shown.route or shown.failed else 1
+
+
+def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, Style]]:
     words = set(shown.failed.values())
-    word = f'{before}{min(words)}' if len(words) == 1 else 'tag not read'
+    word = min(words) if len(words) == 1 else 'not read'
     goals = [('goal not reached', UNREACHED | TO_TAG)] if shown.goals else []
     return [(word, CROSS), *goals] if words else []
 

@@ -34,7 +34,7 @@ const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
 const PAPER_MAP = [400, 740];  // in print, as the next one
 const paper_columns = count => is_long ? 1 : Math.min(count, 3);
-const paper_chart = count => [704 / paper_columns(count) - 12, is_long ? 190 : count % 3 ? 175 : 155];
+const paper_chart = count => [704 / paper_columns(count) - 12, is_long ? 190 : count % 3 ? 182 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // A clock of the greenhouse that is faster than ours tells more.
@@ -170,7 +170,9 @@ const parts = ({ box, leader }) => [box, ...leader];
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
 // this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, may
 // be nearer to another of the `dots`, and may lie where other labels are planned, which `weight` makes dear.
-function place_label({ x, y, radius, width }, { taken, room, route, dots = [], plans = new Map() }, weight = 25) {
+// At both ends of a text is an empty `pad`.
+function place_label({ x, y, radius, width, pad = 0 }, boxes_around, weight = 25) {
+  const { taken, room, route, dots = [], plans = new Map() } = boxes_around;
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
   const ring = (dx, dy) =>
@@ -184,7 +186,7 @@ function place_label({ x, y, radius, width }, { taken, room, route, dots = [], p
   const rings = boxes.length > CROWD ? 1 : FARTHEST;
   const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)) && (dot.x !== x || dot.y !== y));
   const gap = ([left, top, right, bottom], dot) =>
-    Math.hypot(clamp(dot.x, left + SPACE / 2, right - SPACE / 2) - dot.x, clamp(dot.y, top, bottom) - dot.y);
+    Math.hypot(clamp(dot.x, left + pad, right - pad) - dot.x, clamp(dot.y, top, bottom) - dot.y);
   let best = { cost: Infinity };
   for (let far = 0; far < rings && best.cost > 0.2 * far * area; far++) {
     ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
@@ -300,7 +302,7 @@ function draw_map() {
     const value = tag.values[number] ?? null, is_large = tag.has_failed || value !== null;
     const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme(sensor, tag) ? 3 : 0);
     const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
-    const label = { x: frame.x(tag.x), y: frame.y(tag.y), radius: outer, width };
+    const label = { x: frame.x(tag.x), y: frame.y(tag.y), radius: outer, width, pad: SPACE / 2 };
     return { ...label, label, text, tag, value, radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
