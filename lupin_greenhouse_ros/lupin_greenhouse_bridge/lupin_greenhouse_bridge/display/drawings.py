@@ -321,9 +321,9 @@ def draw_route(
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop: the robot (radius {robot_radius_m:g} m)': ROBOT if has_room else DISC,
-        'heading, to the tag that it reads': AIMED,
-        **({} if all(are_facing) else {'heading that is not to the tag': TURNED}),
-        **({'number of a crowded stop, on its heading': FURTHER} if further else {}),
+        ('heading, ' if all(are_facing) else '') + 'to the tag that it reads': AIMED,
+        **({} if all(are_facing) else {'heading, if it is not to the tag': TURNED}),
+        **({'number of a crowded stop, on its line to the tag': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
