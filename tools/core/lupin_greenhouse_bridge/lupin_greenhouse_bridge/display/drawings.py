@@ -290,7 +290,8 @@ def draw_route(
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
-    heads = [_draw_sight(axes, *line, scale, math.hypot(*digits) / 4) for _, line in stops]
+    starts = [pose[:2] for pose, _ in stops]
+    heads = [_draw_sight(axes, *line, scale, math.hypot(*digits) / 4, starts) for _, line in stops]
     are_facing = [draw_robot(axes, pose, tag, robot_radius_m) for pose, (_, tag) in stops]
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
@@ -335,9 +336,20 @@ def draw_route(
     return figure
 
 
-def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> Box:
-    """Draw the line of sight from the dot of a stop to its tag; return what the head of its arrow covers."""
-    shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
+def _draw_sight(
+    axes: Any, start: Point, end: Point, scale: float, dot_m: float, stops: Sequence[Point]
+) -> Box:
+    """
+    Draw the line of sight from the dot of a stop, or from beyond the dot of another, to its tag.
+
+    Return what the head of its arrow covers.
+    """
+    length_m = math.dist(start, end)
+    along, across = np.subtract(end, start) / length_m, np.subtract(stops, start)
+    ahead_m, aside_m = across @ along, np.abs(across @ (-along[1], along[0]))
+    is_on = (aside_m < dot_m) & (ahead_m > dot_m) & (ahead_m < length_m - 3 * dot_m)
+    begin_m = max([dot_m, *(ahead_m[is_on] + 1.8 * dot_m)])
+    shares = np.array([[begin_m], [length_m - scale * BEFORE_TAG_M]]) / length_m
     first, tip = (1.0 - shares) * start + shares * end
     axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.96)
     return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
