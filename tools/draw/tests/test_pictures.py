@@ -246,8 +246,8 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     sights = [line for line in lines if line.get_color() == figure.colours.TAG_ID]
     places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in tags.items()}
     assert {tuple(line.get_xydata()[-1]) for line in sights} == set(places.values())
-    on_top = [*sights, *(each for each in axes.patches if type(each) is Polygon)]
-    assert min(each.zorder for each in on_top) > max(disc.zorder for disc in filled(axes, Circle))
+    heads = [each.zorder for each in axes.patches if type(each) is Polygon]
+    assert min(heads) > max(disc.zorder for disc in filled(axes, Circle))
     boxes = {text: text.get_window_extent() for text in written}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes.values(), 2))
     for stop, place in itertools.product(stops, places.values()):

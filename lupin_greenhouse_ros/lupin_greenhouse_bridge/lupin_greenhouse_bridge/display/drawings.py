@@ -36,6 +36,7 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
+DOT_SHARE = 0.35  # of a disc with a number, that the dot of a crowded stop has
 JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.1, 0.19
 VIEW_MARGIN_M = 0.15
@@ -107,8 +108,9 @@ LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
 DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.95}
-DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.8}
+DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.96}
+DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
+HALO: Style = {'facecolor': 'white', 'linewidth': 0, 'zorder': 1.93}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -291,8 +293,8 @@ def draw_route(
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
-    starts = [pose[:2] for pose, _ in stops]
-    heads = [_draw_sight(axes, *line, scale, math.hypot(*digits) / 4, starts) for _, line in stops]
+    sights = [_draw_sight(axes, *line, scale, DOT_SHARE * math.hypot(*digits) / 2) for _, line in stops]
+    heads = [head for _, head in sights]
     are_facing = [draw_robot(axes, pose, tag, robot_radius_m) for pose, (_, tag) in stops]
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
@@ -302,12 +304,14 @@ def draw_route(
     lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
     marked = [*heads, *(dot for _, dot, _ in labels)]
-    solid, further = robots, list[Box]()
+    solid, further = robots, dict[int, Box]()
     if has_room:
         solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
+    for number in further:
+        sights[number - 1][0].set_zorder(1.95)  # over its halo
     if route.points_m:
         draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
-    taken = [*lines, *marked, *robots, *further]
+    taken = [*lines, *marked, *robots, *further.values()]
     bounds = box_of(walls)
     end_m = max(END_M, robot_m)
     ends = [
@@ -337,23 +341,12 @@ def draw_route(
     return figure
 
 
-def _draw_sight(
-    axes: Any, start: Point, end: Point, scale: float, dot_m: float, stops: Sequence[Point]
-) -> Box:
-    """
-    Draw the line of sight from the dot of a stop, or from beyond the dot of another, to its tag.
-
-    Return what the head of its arrow covers.
-    """
-    length_m = math.dist(start, end)
-    along, across = np.subtract(end, start) / length_m, np.subtract(stops, start)
-    ahead_m, aside_m = across @ along, np.abs(across @ (-along[1], along[0]))
-    is_on = (aside_m < dot_m) & (ahead_m > dot_m) & (ahead_m < length_m - 3 * dot_m)
-    begin_m = max([dot_m, *(ahead_m[is_on] + 1.8 * dot_m)])
-    shares = np.array([[begin_m], [length_m - scale * BEFORE_TAG_M]]) / length_m
+def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> tuple[Any, Box]:
+    """Draw the line of sight from the dot of a stop to its tag; return it, and what its head covers."""
+    shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
     first, tip = (1.0 - shares) * start + shares * end
-    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.96)
-    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
+    (line,) = axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
+    return line, draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
 
 
 def _draw_stops(
@@ -363,13 +356,13 @@ def _draw_stops(
     digits: tuple[float, float],
     radius_m: float,
     taken: Sequence[Box],
-) -> tuple[list[Box], list[Box]]:
+) -> tuple[list[Box], dict[int, Box]]:
     """
     Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
 
     A number is on a disc at its stop. Where another stop or its line of sight is too close, the number is on
     its own line of sight: where it covers least, also of the robots, and is far from other ways. Return the
-    boxes of all that is drawn, and of the numbers on lines.
+    boxes of all that is drawn, and those of the numbers on lines.
     """
     from matplotlib.patches import Circle
 
@@ -383,8 +376,9 @@ def _draw_stops(
         discs = (math.dist(pose[:2], box[:2]) < disc_m + box.width / 2 for box in solid)
         dot_m = disc_m
         if is_near.any() or any(discs):
-            dot_m = disc_m / 2
+            dot_m = DOT_SHARE * disc_m
             further.append(number)
+            axes.add_patch(Circle(pose[:2], 1.5 * dot_m, **HALO))  # over the headings of others
         else:
             axes.text(*pose[:2], number, **NUMBER)
         axes.add_patch(Circle(pose[:2], dot_m, **(DOT if number in further else DISC_OF_NUMBER)))
@@ -404,7 +398,7 @@ def _draw_stops(
         best = (costs + np.maximum(2.0 - to_others_m / disc_m, 0.0)).round(3).argmin()
         solid.append(Box(*tries[best]))
         axes.text(*places[best], number, **{**NUMBER, 'color': colours.ROUTE}, bbox=plate)
-    return solid, solid[len(solid) - len(further) :]
+    return solid, dict(zip(further, solid[len(solid) - len(further) :], strict=True))
 
 
 def _write_numbers_beside(
