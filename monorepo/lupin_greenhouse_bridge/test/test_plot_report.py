@@ -158,7 +158,7 @@ def test_no_text_reaches_the_next_panel_or_is_wider_than_the_rows_of_up_to_three
 
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layout):
     detail = 'navigate_to_pose aborted the drive with code 208: no path to 0.90, 5.10 m'
-    failed = [visit(tag_id, 'UNREACHABLE', detail) for tag_id in ('7', '9', 'A3')]
+    failed = [visit(tag_id, 'UNREACHABLE', detail) | {'goal': [1e12, 0]} for tag_id in ('7', '9', 'A3')]
     failed.append(visit('10', 'UNREACHABLE', f'pose 1: {detail}; pose 2: {detail}') | {'goal': [0.9, 5.1]})
     tag_file = write_layout(dict.fromkeys(('1', '7', '9', '10', 'A3'), (1.0, 1.0)))
     Path(tag_file).rename(tmp_path / 'report-tag_locations.json')

@@ -66,7 +66,6 @@ class MissionNode(Node):
     # ROS also destroys a node whose constructor has raised.
     _drive: Drive = SimulatedDrive(0.0)
     _planner: Planner | None = None
-    _planned: Plan | None = None
     _report: Report | None = None
 
     def __init__(self) -> None:
@@ -92,6 +91,7 @@ class MissionNode(Node):
         else:
             self._drive = Nav2Drive(self, settings, self.note, lambda: self._positions.robot_pose)
             self._planner = Planner(self, settings, self._tags)
+        self._planned: Plan | None = None
         self._first_plan: PlanFuture[Drives] | None = None
         for name, operate in (
             ('pause', Mission.pause),

@@ -61,11 +61,10 @@ class Plan:
         }
 
     def goal_in_layout_m(self, tag_id: str, pose: int) -> Place | None:
-        """Return where the robot stands at a pose of a tag, in the layout; None if the tag has no pose."""
-        if tag_id not in self.goals:
-            return None
-        x, y = self._map_in_layout.point(*self.goals[tag_id][pose - 1][:2])
-        return round(x, 3), round(y, 3)
+        """Return where the robot stands at a pose of a tag, in the layout; None without this pose."""
+        goals = self.goals.get(tag_id, [])[pose - 1 : pose]  # a new plan can have fewer
+        places = [self._map_in_layout.point(*goal[:2]) for goal in goals]
+        return next(((round(x, 3), round(y, 3)) for x, y in places), None)
 
     def is_for(self, robot_in_map_m: Place | None) -> bool:
         """Return whether the robot can reach the poses, or its place is unknown, or not free."""

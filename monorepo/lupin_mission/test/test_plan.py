@@ -33,7 +33,8 @@ def test_the_robot_stands_before_a_tag_and_looks_at_it():
         goal = plan(approach_standoff_m=standoff_m).goals['1'][0]
         assert goal == pytest.approx((0.5, 1.0 - standoff_m, math.pi / 2))
     assert plan(TURNED).goals['1'][0] == pytest.approx((9.5, 20.5, math.pi))
-    assert [plan(TURNED).goal_in_layout_m(each, 1) for each in '19'] == [(0.5, 0.5), None]
+    found = [plan(TURNED).goal_in_layout_m(*each) for each in (('1', 1), ('1', 9), ('9', 1))]
+    assert found == [(0.5, 0.5), None, None]
 
 
 def test_a_goal_has_its_room_in_the_map_where_the_layout_lies():

@@ -141,8 +141,8 @@ class FakeNavigator(LifecycleNode):
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
         path = path_towards(self._planner_space, start[:2], target[:2], self._settings.tolerance)
         if path is None:
-            ends = [f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target)]
-            failure = f'no path from {ends[0]} to goal {ends[1]}'
+            here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
+            failure = f'no path from {here} to goal {there}'
             is_free = self._planner_space.is_free(*start[:2])
             self._end(goal, failure, NO_VALID_PATH if is_free else START_OCCUPIED)
         else:

@@ -113,7 +113,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
 
     failures = summary.failures_of(recording.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
-    goals = {each.tag_id: each.goal for each in recording.visits if each.goal and each.tag_id in failed}
+    goals = summary.goals_of(recording.visits, recording.walls)
+    goals = {tag_id: goals[tag_id] for tag_id in failed if tag_id in goals and tag_id in layout.tags}
     last = last_reading_of_each_tag(rows)
     readings = {tag_id: reading for tag_id, reading in last.items() if tag_id not in failed}
     if not readings:
@@ -150,10 +151,11 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
 def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
     width, height = shown.inches
-    gap, above = max(SMALLEST_PANEL - width, SMALLEST_GAP), ABOVE + LINE / 72 * max(_key_rows(shown) - 2, 0)
+    gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
     most = min(max(1, int(WIDEST / (width + gap))), most_columns)
     rows = -(-count // most)
     columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
+    above = ABOVE + LINE / 72 * max(_key_rows(shown) - 2, 0) * (columns > 1)  # or else below the head
     right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + above) - above
     all_width = max(right + gap - SMALLEST_GAP, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
     figure.set_size_inches(all_width, all_height)
@@ -190,7 +192,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
     dots = _boxes_of(dict.fromkeys(crosses, CROSS_M), shown)
-    sights = [(goal, tags[tag_id][:2]) for tag_id, goal in shown.goals.items() if tag_id in tags]
+    sights = [(goal, tags[tag_id][:2]) for tag_id, goal in shown.goals.items()]
     for sight in sights:
         axes.plot(*zip(*sight, strict=True), **TO_TAG)
         axes.plot(*sight[0], **UNREACHED)
@@ -314,9 +316,7 @@ def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]) -> Any:
     """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
-    tags = shown.layout.tags
-    lacking = ((tags[tag_id], {*sensors} - {*each}) for tag_id, each in shown.readings.items())
-    is_complete = not _unread_of(shown) and all(each.isdisjoint(tag.sensors) for tag, each in lacking)
+    is_complete = not _unread_of(shown) and summary.is_complete(shown.readings, sensors, shown.layout)
     without = 'tag without this sensor' if is_complete else 'tag without a value'
     others = ('lowest or highest value', RING), (without, WITHOUT)
     marks: list[tuple[str, Style]] = [

@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation
 from lupin_greenhouse_bridge.errors import escaped, names_text
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
 
 LONGEST_REASON = 300  # characters
@@ -37,6 +39,20 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
             groups.setdefault(key, []).append(visit.tag_id)
     largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
     return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
+
+
+def goals_of(visits: Iterable[Observation], walls: Walls) -> dict[str, Point]:
+    """Return the goal that the last visit of each tag did not reach, if it is within the walls."""
+    last = {each.tag_id: None if each.outcome == 'OK' else each.goal for each in visits}
+    return {tag_id: goal for tag_id, goal in last.items() if goal and walls.has_inside(*goal)}
+
+
+def is_complete(sensors_of: Mapping[str, Iterable[str]], sensors: Iterable[str], layout: Layout) -> bool:
+    """Return whether each of these tags lacks only values of sensors that it does not have."""
+    return all(
+        tag_id in layout.tags and {*sensors}.difference(found).isdisjoint(layout.tags[tag_id].sensors)
+        for tag_id, found in sensors_of.items()
+    )
 
 
 def failure_counts(failures: Iterable[Failures]) -> dict[str, int]:

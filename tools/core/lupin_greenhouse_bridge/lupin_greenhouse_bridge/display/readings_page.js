@@ -328,9 +328,8 @@ function draw_map() {
 }
 
 // Draws where the robot could not stand, with a line to the tag that it could not read.
-function draw_goal(svg, frame, { x, y, outer, tag }, { room, taken, route }) {
+function draw_goal(svg, frame, { x, y, outer, tag }, { taken, route }) {
   const [cx, cy] = [frame.x(tag.goal[0]), frame.y(tag.goal[1])], box = around(cx, cy, 12, 12);
-  if (!common(box, room)) return;
   mark(svg, 'path', { class: 'unreached', d: path_of([[cx, cy], [x, y]]) });
   mark(svg, 'circle', { class: 'unreached', cx, cy, r: 4 });
   taken.push(box);
@@ -803,7 +802,7 @@ element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;
 const has_blanks = tags_in_table.some(tag => !tag.has_failed && tag.values.includes(null));
 element('blanks').hidden = !(data.is_complete && has_blanks);
-element('goals').hidden = !data.tags.some(tag => tag.goal);
+element('goals').hidden = !placed_tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits
 from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
+from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
@@ -137,6 +137,11 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
     boxes = np.array([walls, *layout.tables.values(), *(point * 2 for point in points)])
     read_tags = [tag for tag in all_tags.values() if tag['outcome'] == 'read']
     times_of_day = {clock_time(tag['time_of_day']) for tag in read_tags if tag['time_of_day'] is not None}
+    values_of = {
+        tag_id: [sensor for sensor, value in tag['values'].items() if value is not None]
+        for tag_id, tag in all_tags.items()
+        if tag['outcome'] == 'read'
+    }
     notes = []
     if len(all_tags) > MOST_TAGS:
         notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(all_tags):,} tags.')
@@ -163,7 +168,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
         'is_of_several_times': len(times_of_day) > 1,
-        'is_complete': _is_complete(all_tags, layout),
+        'is_complete': summary.is_complete(values_of, sensors, layout),
         'speed': summary.speed_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
         'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
@@ -195,16 +200,6 @@ def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[flo
             for text, tag_ids in summary.extremes_of(sensor, known)
         ],
     }
-
-
-def _is_complete(tags: dict[str, dict[str, Any]], layout: Layout) -> bool:
-    """Return whether each tag that was read lacks only values of sensors that it does not have."""
-    return all(
-        tag_id in layout.tags and sensor not in layout.tags[tag_id].sensors
-        for tag_id, tag in tags.items()
-        for sensor, value in tag['values'].items()
-        if tag['outcome'] == 'read' and value is None
-    )
 
 
 def _counts_of(tags: dict[str, dict[str, Any]], failures: list[summary.Failures]) -> list[tuple[str, bool]]:
@@ -258,6 +253,7 @@ def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
 def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
     """Return the last reading and visit of each tag: failures first, and what the file does not have last."""
     readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
+    goals = summary.goals_of(file.visits, file.walls)
     tags: dict[str, dict[str, Any]] = {}
     for tag_id in sorted({*file.layout.tags, *readings, *visits}, key=natural_order):
         place, visit, reading = file.layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
@@ -276,7 +272,7 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
             'outcome': outcome,
             'reason': summary.failure_reason(visit.detail) if visit else '',
             'attempts': visit and visit.attempts,
-            'goal': visit.goal if visit and has_failed else None,
+            'goal': goals.get(tag_id),
             'stamp_ms': row and row.stamp_ns // NS_PER_MS,
             'time_of_day': row and row.sim_time_of_day_seconds,
             'values': {each: shown[each].value if each in shown else None for each in sensors},
