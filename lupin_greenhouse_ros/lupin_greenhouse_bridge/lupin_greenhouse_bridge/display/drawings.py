@@ -36,7 +36,10 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
-DOT_SHARE = 0.35  # of a disc with a number, that the dot of a crowded stop has
+# In radii of a disc with a number: how close stops are crowded, their dots, their numbers, and how far apart
+# these are. And where a number can be around its dot, as turns from the line of sight.
+CROWDED, DOT_SHARE, PLATE_SHARE, BESIDE = 2.6, 0.35, 0.92, 1.5
+AROUND = np.exp(1j * np.radians([180, 135, -135, 90, -90, 45, -45]))
 JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.1, 0.19
 VIEW_MARGIN_M = 0.15
@@ -237,17 +240,20 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m:
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
-def draw_robot(axes: Any, pose: ApproachPose, tag: Point, radius_m: float) -> bool:
-    """Draw the disc of the robot to scale, and a nose if it does not face the tag; return whether it does."""
+def draw_robots(axes: Any, stops: Sequence[tuple[ApproachPose, Point]], radius_m: float) -> bool:
+    """Draw the disc of a robot to scale, and a nose where it does not face its tag; return whether all do."""
     from matplotlib.patches import Circle, Wedge
 
-    axes.add_patch(Circle(pose[:2], radius_m, **SEE_THROUGH, zorder=1.7))
-    to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
-    is_facing = math.cos(pose.yaw - to_tag) > math.cos(math.radians(ASIDE_DEGREES))
-    if not is_facing:
-        ends = (math.degrees(pose.yaw) + side * NOSE_DEGREES for side in (-1, 1))
-        axes.add_patch(Wedge(pose[:2], radius_m, *ends, width=NOSE_SHARE * radius_m, **NOSE))
-    return is_facing
+    noses = []
+    for place, *_ in join_stops([pose[:2] for pose, _ in stops], DOT_SHARE * radius_m).values():
+        axes.add_patch(Circle(place, radius_m, **SEE_THROUGH, zorder=1.7))
+    for pose, tag in stops:
+        to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
+        if math.cos(pose.yaw - to_tag) < math.cos(math.radians(ASIDE_DEGREES)):
+            ends = (math.degrees(pose.yaw) + side * NOSE_DEGREES for side in (-1, 1))
+            noses.append(Wedge(pose[:2], radius_m, *ends, width=NOSE_SHARE * radius_m, **NOSE))
+            axes.add_patch(noses[-1])
+    return not noses
 
 
 def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str = colours.ROUTE) -> Box:
@@ -283,7 +289,7 @@ def draw_route(
     width_m, height_m, scale = scale_of(layout, walls)
     scale *= ROUTE_ZOOM if len(layout.tags) <= USUAL_TAGS else 1.0
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
-    figure = Figure((max(4.0, width + 0.6), height + 2.6), ROUTE_DPI, layout='constrained')
+    figure = Figure((max(4.0, width + 0.6), height), ROUTE_DPI, layout='constrained')
     axes = figure.add_subplot(anchor='N')  # all the room that is left is for the key
     if occupancy is not None:
         _draw_map(axes, occupancy)
@@ -294,8 +300,7 @@ def draw_route(
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
     sights = [_draw_sight(axes, *line, scale, DOT_SHARE * math.hypot(*digits) / 2) for _, line in stops]
-    heads = [head for _, head in sights]
-    are_facing = [draw_robot(axes, pose, tag, robot_radius_m) for pose, (_, tag) in stops]
+    are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
     side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
@@ -303,7 +308,7 @@ def draw_route(
     ways = [route.points_m, *(line for _, line in stops)]
     lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    marked = [*heads, *(dot for _, dot, _ in labels)]
+    marked = [*(head for _, head in sights), *(dot for _, dot, _ in labels)]
     solid, further = robots, dict[int, Box]()
     if has_room:
         solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
@@ -326,9 +331,9 @@ def draw_route(
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop: the robot (radius {robot_radius_m:g} m)': ROBOT if has_room else DISC,
-        ('heading, ' if all(are_facing) else '') + 'to the tag that it reads': AIMED,
-        **({} if all(are_facing) else {'heading, if it is not to the tag': TURNED}),
-        **({'number of a crowded stop, on its line to the tag': FURTHER} if further else {}),
+        ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
+        **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
+        **({'crowded stop and its number': FURTHER} if further else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -337,6 +342,7 @@ def draw_route(
         marks['obstacle in the map'] = point_style('s', colours.OBSTACLE, 9)
         if occupancy.is_unknown.any():
             marks['unknown in the map'] = point_style('s', colours.UNKNOWN_PART, 9, alpha=0.5)
+    figure.set_figheight(height + 1.2 + 0.215 * len(marks))
     write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
@@ -360,45 +366,60 @@ def _draw_stops(
     """
     Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
 
-    A number is on a disc at its stop. Where another stop or its line of sight is too close, the number is on
-    its own line of sight: where it covers least, also of the robots, and is far from other ways. Return the
-    boxes of all that is drawn, and those of the numbers on lines.
+    A number is on a disc at its stop; or beside it, if another stop or its line of sight is too close. Return
+    the boxes of all that is drawn, and those of the numbers beside their stops.
     """
     from matplotlib.patches import Circle
 
     disc_m = math.hypot(*digits) / 2
-    steps = [(x, y, n) for n, way in enumerate(ways) for x, y, _ in steps_of(way, disc_m / 4)]
-    points = np.reshape(steps, (-1, 3))
-    solid, further = list[Box](), []
+    steps = [(complex(x, y), n) for n, way in enumerate(ways) for x, y, _ in steps_of(way, disc_m / 4)]
+    points, numbers = np.reshape(np.array(steps, complex), (-1, 2)).T
+    stops = np.array([complex(*pose[:2]) for pose in poses])
+    solid, beside, crowded = list[Box](), dict[int, Box](), []
     for number, pose in enumerate(poses, start=1):
-        is_near = np.hypot(*(points[:, :2] - pose[:2]).T) < disc_m
-        is_near &= (points[:, 2] != 0) & (points[:, 2] != number)
-        discs = (math.dist(pose[:2], box[:2]) < disc_m + box.width / 2 for box in solid)
-        dot_m = disc_m
-        if is_near.any() or any(discs):
-            dot_m = DOT_SHARE * disc_m
-            further.append(number)
+        is_near = np.abs(points - stops[number - 1]) < disc_m
+        is_near &= (numbers != 0) & (numbers != number)
+        stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
+        dot_m, style = disc_m, DISC_OF_NUMBER
+        if is_near.any() or (stops_m < CROWDED * disc_m).any():
+            dot_m, style = DOT_SHARE * disc_m, DOT
+            crowded.append(number)
             axes.add_patch(Circle(pose[:2], 1.5 * dot_m, **HALO))  # over the headings of others
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, **(DOT if number in further else DISC_OF_NUMBER)))
+        axes.add_patch(Circle(pose[:2], dot_m, **style))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
-    plate = {'boxstyle': 'circle,pad=0.1', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
-    middles = np.array([pose[:2] for pose in poses])
-    for number in further:
-        line, others = ways[number], points[points[:, 2] != number, :2]
-        ends = np.array([1.3, -2.0]) * disc_m / math.dist(*line) + (0.0, 1.0)
-        shares = np.linspace(ends[0], max(ends), 17)
-        places = np.outer(1 - shares, line[0]) + np.outer(shares, line[1])
-        tries = np.hstack([places, np.full((len(places), 2), 2 * disc_m)])
-        to_others_m = np.hypot(*(places[:, None] - others).T).min(axis=0)
-        costs = overlaps(tries, np.array([*taken, *solid])).sum(axis=1) / (2 * disc_m) ** 2
-        to_robots_m = np.hypot(*(places[:, None] - middles).T) - radius_m
-        costs += np.clip(0.5 - to_robots_m / (2 * disc_m), 0.0, 1.0).max(axis=0)
-        best = (costs + np.maximum(2.0 - to_others_m / disc_m, 0.0)).round(3).argmin()
-        solid.append(Box(*tries[best]))
-        axes.text(*places[best], number, **{**NUMBER, 'color': colours.ROUTE}, bbox=plate)
-    return solid, dict(zip(further, solid[len(solid) - len(further) :], strict=True))
+    for number in crowded:
+        around = [*taken, *solid, *beside.values()]
+        beside[number] = _box_beside(ways[number], stops, points[numbers != number], around, disc_m, radius_m)
+        axes.add_patch(Circle(beside[number][:2], beside[number].width / 2, **DOT | {'zorder': 2.05}))
+        axes.text(*beside[number][:2], number, **NUMBER | {'color': colours.ROUTE})
+    return [*solid, *beside.values()], beside
+
+
+def _box_beside(
+    sight: Sequence[Point], stops: Any, ways: Any, taken: Sequence[Box], disc_m: float, radius_m: float
+) -> Box:
+    """
+    Return where a stop's number covers least, also of the robots at other stops, and is off other ways.
+
+    It is on the line of sight; or around the stop, if no other stop is at the same place. Stops and points of
+    ways are complex numbers.
+    """
+    stop, tag = (complex(*end) for end in sight)
+    ahead, last = disc_m * (tag - stop) / abs(tag - stop), abs(tag - stop) / disc_m - 2.0
+    is_here = np.abs(stops - stop) < disc_m
+    shares = np.linspace(BESIDE, max(BESIDE, last), 17)
+    places = stop + ahead * np.append(shares, BESIDE * AROUND if is_here.sum() == 1 else ())
+    side_m = 2 * PLATE_SHARE * disc_m
+    boxes = np.array([(each.real, each.imag, side_m, side_m) for each in places])
+    costs = overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
+    robots_m, ways_m = (
+        np.abs(places[:, None] - each).min(axis=1, initial=np.inf) for each in (stops[~is_here], ways)
+    )
+    costs += np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
+    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.1 * np.abs(places - stop) / disc_m
+    return Box(*boxes[costs.round(3).argmin()].tolist())
 
 
 def _write_numbers_beside(

@@ -42,6 +42,7 @@ WITHOUT = READ | {'markerfacecolor': 'white', 'label': 'without'}  # a reading, 
 CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
 UNREACHED = WITHOUT | {'color': colours.FAILED}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
+GOAL = TO_TAG, point_style(drawings.DOT_AT_LEFT, 'white', 17, markeredgecolor=colours.FAILED)
 RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label='ring')
 # Drawn as the discs are: Matplotlib moves the markers of lines to whole pixels.
 RINGS: Style = {'s': 13**2, 'facecolor': 'none', 'edgecolor': 'black', 'linewidth': 1.4, 'label': 'ring'}
@@ -142,7 +143,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor])
     drawn = {each.get_label() for axes in panels[has_ways:] for each in (*axes.lines, *axes.collections)}
-    key = _write_key(figure, empty_cell, shown, sensors, drawn)
+    key = _write_key(panels[has_ways:], empty_cell, shown, sensors, drawn)
     _write_texts(panels[0].title, key, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
@@ -313,27 +314,31 @@ def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
     return np.reshape([shown.layout.tags[tag_id][:2] for tag_id in tag_ids], (-1, 2)).T
 
 
-def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]) -> Any:
-    """Write what each mark means into an empty cell, or else below the panels; return what is lowest."""
+def _write_key(
+    panels: list[Any], empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]
+) -> Any:
+    """Write what each mark means into an empty cell, or else below the last row; return what is lowest."""
     is_complete = not _unread_of(shown) and summary.is_complete(shown.readings, sensors, shown.layout)
     without = 'tag without this sensor' if is_complete else 'tag without a value'
     others = ('lowest or highest value', RING), (without, WITHOUT)
-    marks: list[tuple[str, Style]] = [
+    marks: list[tuple[str, drawings.Mark]] = [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *(each for each in others if each[1]['label'] in drawn),
-        *(_marks_of_failed(shown)[:1] if shown.route else []),
         *(_marks_of_tables(shown) if not shown.route else []),
     ]
+    figure = panels[0].figure
     if empty_cell:
         place: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
         drawings.write_key(empty_cell, marks, columns=1, **place)
         return figure.transFigure  # while a picture is saved, figure.patch is larger
-    left: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 0.0)}
-    columns = max(1, int(figure.get_figwidth() / KEY_INCHES))
-    return drawings.write_key(figure, marks, columns=columns, **left)
+    first = next(each for each in panels if each.get_subplotspec().is_last_row())
+    left = first.get_position().x0 + _left_of(first, shown) * first.get_position().width
+    place = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (left, 0.0)}
+    columns = max(1, int(figure.get_figwidth() * (1.0 - left) / KEY_INCHES))
+    return drawings.write_key(figure, marks, columns=columns, **place)
 
 
-def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, Style]]:
+def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
     """Return what the panel of the route has, or the one of the tags that were read or not."""
     read = [('tag read', READ), *([('without a reading', WITHOUT)] if _unread_of(shown) else [])]
     route = {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}
@@ -347,14 +352,14 @@ def _key_rows(shown: Greenhouse) -> int:
     return -(-len(_marks_of_ways(shown)) // 2) if shown.route or shown.failed else 1
 
 
-def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, Style]]:
+def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
     words = set(shown.failed.values())
     word = min(words) if len(words) == 1 else 'not read'
-    goals = [('goal not reached', UNREACHED | TO_TAG)] if shown.goals else []
+    goals = [('goal not reached', GOAL)] if shown.goals else []
     return [(word, CROSS), *goals] if words else []
 
 
-def _marks_of_tables(shown: Greenhouse) -> list[tuple[str, Style]]:
+def _marks_of_tables(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
     return [('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []
 
 
@@ -389,7 +394,7 @@ def _write_texts(
             red, tail = found[: len(word)].replace(NO_BREAK, ' '), found[len(word) :] + after
             pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
             lines.append(_line_of([each for each in pieces if each[0]], small, 0))
-    when = ' to '.join(clocks) + _time_text(' %Z', last) + duration
+    when = 'wall time ' + ' to '.join(clocks) + _time_text(' %Z', last) + duration
     greenhouse = f'{summary.greenhouse_times(between)} {summary.speed_text(rows)}'.rstrip()
     lines += _lines_of([(greenhouse, '0.35'), (when, '0.35')], figure, small)
     _write_lines(title, lines, title, 1.0, 12)
