@@ -284,15 +284,15 @@ def test_the_number_of_each_stop_is_at_its_dot_or_on_its_heading_or_has_a_line_t
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
-    axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
-    robots = [each for each in filled(axes, Circle) if each.radius == 0.2]
+    axes, greenhouse = drawn['route'].axes[0], simulated.Greenhouse('', '')
+    robots = [each.center for each in filled(axes, Circle) if each.radius == 0.2]
     heads = [each.get_xy() for each in axes.patches if type(each) is Polygon]
-    assert min(math.dist(a.center, b.center) for a, b in itertools.combinations(robots, 2)) > 0.1
-    for _, (tip, _, back, *_) in zip(tags, heads, strict=True):
-        to_tag = min(((tag['x'], tag['y']) - tip for tag in tags.values()), key=np.linalg.norm)
-        for ways in (tip - [disc.center for disc in robots], [tip - back]):
-            ends = [0.052 * way / np.linalg.norm(way) for way in ways]
-            assert np.abs(ends - to_tag).max(axis=1).min() < 0.001
+    assert min(math.dist(*each) for each in itertools.combinations(robots, 2)) > 0.1
+    for tag_id, (tip, _, back, *_) in zip(greenhouse.route.tag_ids, heads, strict=True):
+        stop, tag = greenhouse.approaches.poses[tag_id][:2], greenhouse.layout.tags[tag_id][:2]
+        assert min(math.dist(stop, center) for center in robots) < 0.01
+        for along in (tip - stop, tip - back):
+            assert tag - tip == pytest.approx(0.052 * along / np.linalg.norm(along), abs=0.001)
     assert not filled(axes, Wedge)
     assert not drawings.draw_robots(axes, [(ApproachPose(1.0, 2.0, 0.5, 1.0, 0.0), (2.0, 2.0))], 0.2)
     (nose,) = filled(axes, Wedge)
