@@ -37,7 +37,7 @@ def report(tmp_path):
         tmp_path / 'report.jsonl',
         visit('1', temperature=22.61),
         visit('5', temperature=24.02, co2=615.2),
-        visit('7', 'TIMEOUT', 'no reply before the timeout'),
+        visit('6', 'TIMEOUT', 'no reply before the timeout'),
         visit('$\\lost$', 'UNKNOWN_TAG', 'no such $tag'),  # no formula
     )
 
@@ -75,30 +75,28 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
     assert {'temperature (°C)', 'CO₂ (ppm)', '1: 22.6', '5: 615', '1 tag', 'y (m)', extremes} <= set(texts)
     lost = 'Tag \\$\\lost\\$ \nunknown tag\n: no such \\$tag'
     counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n'
-    for lines in ('Tag 7 \ntimeout\n: no reply before the timeout', lost, counts):
+    for lines in ('Tag 6 \ntimeout\n: no reply before the timeout', lost, counts):
         assert lines in '\n'.join(texts)
 
 
 def test_what_is_the_same_is_told_once(drawn):
-    """The word of all failures in the key, too, and one value at one time, without a ring."""
+    """The word of all failures in both keys, too, and one value at one time, without a ring."""
     failed = [visit(tag_id, 'TIMEOUT', 'no reply') for tag_id in ('7', '9')]
     texts = texts_in(drawn(visit('4', temperature=20.66), *failed))
     assert {'7', '9', 'timeout', '20.7 °C at tag 4'} <= set(texts)
     assert not any('lowest ' in text or ' to ' in text or SEVERAL_TIMES in text for text in texts)
-    assert [texts.count(each) for each in ('timeout', 'lowest or highest value')] == [2, 0]
+    assert [texts.count(each) for each in ('timeout', 'lowest or highest value')] == [3, 0]
 
 
-def test_each_panel_has_the_unread_tags_in_order_and_the_cross_of_a_failed_one(report, drawn, shipped_tags):
-    figure = drawn(file=report)
-    ways, temperature, _ = (axes for axes in figure.axes if axes.lines)
-    for axes in (ways, temperature):
+def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(report, drawn, shipped_tags):
+    panels = [axes for axes in drawn(file=report).axes if axes.get_title()]
+    places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
+    for axes, has_cross in zip(panels, (True, True, False), strict=True):  # tag 6 has only temperature
         (dots,) = (line for line in axes.lines if line.get_markerfacecolor() == 'white')
-        left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in {'1', '5', '7'}]
-        assert list(zip(*dots.get_data(), strict=True)) == left
-    place = [[shipped_tags['7']['x'], shipped_tags['7']['y']]]
-    for axes in (axes for axes in figure.axes if axes.get_title()):
-        assert place in [points.get_offsets().tolist() for points in axes.collections]
-        assert '7' in {text.get_text() for text in axes.texts}
+        left = places.keys() - ({'1', '5', '6'} if has_cross else {'5'})
+        assert list(zip(*dots.get_data(), strict=True)) == [places[each] for each in places if each in left]
+        crosses = [points for points in axes.collections if points.get_offsets().tolist() == [[*places['6']]]]
+        assert len(crosses) == has_cross == ('6' in {text.get_text() for text in axes.texts})
 
 
 def test_tags_with_the_same_value_are_all_named_and_ringed(drawn):

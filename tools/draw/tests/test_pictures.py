@@ -237,7 +237,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
     assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
-    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 22
+    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 26
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
     sights = [line for line in lines if line.get_color() == figure.colours.TAG_ID]
     places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in tags.items()}
@@ -280,7 +280,7 @@ def test_the_number_of_each_stop_is_at_its_dot_or_on_its_heading_or_has_a_line_t
             else:
                 away_m, *each_m = (math.dist(place, each[:2]) for each in (pose, *approaches.poses.values()))
                 is_ahead = place == pytest.approx(drawings.ahead_of(pose, away_m))
-                assert is_ahead or away_m == min(each_m) < 0.2
+                assert is_ahead or away_m == min(each_m) < 0.3
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):

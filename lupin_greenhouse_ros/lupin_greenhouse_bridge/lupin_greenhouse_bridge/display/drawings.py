@@ -37,9 +37,9 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
 # In radii of a disc with a number: how close stops are crowded, their dots, their numbers, and how far apart
-# these are. And where a number can be around its dot, as turns from the line of sight.
-CROWDED, DOT_SHARE, PLATE_SHARE, BESIDE = 2.6, 0.35, 0.92, 1.5
-AROUND = np.exp(1j * np.radians([180, 135, -135, 90, -90, 45, -45]))
+# these are. And where a number can be around its dot, as complex numbers: the line of sight is at 1, 2, ...
+CROWDED, DOT_SHARE, PLATE_SHARE, BESIDE = 2.6, 0.2, 0.92, 1.4
+AROUND = np.multiply.outer((1.4, 1.6, 1.8, 2.1), np.exp(1j * np.radians(range(30, 331, 15)))).ravel()
 JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.1, 0.19
 VIEW_MARGIN_M = 0.15
@@ -65,7 +65,7 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-# In the key, as all until FURTHER.
+# In the key, as all until CROWDED_STOP.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
 DISC = point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7)
@@ -76,11 +76,10 @@ ROBOT = (
     point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
 )
 TURN = np.linspace(0.0, 2 * math.pi, 20)
-DOT_AT_LEFT = np.transpose([0.35 * np.cos(TURN) - 1.5, 0.35 * np.sin(TURN)])
+DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
-FURTHER = (
-    SIGHT,
-    point_style(DOT_AT_LEFT, 'white', 20, markeredgecolor=colours.ROUTE),
+CROWDED_STOP = (
+    point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
     point_style(r'$\mathbf{7}$', colours.ROUTE, 6, markeredgewidth=0),
 )
@@ -111,9 +110,8 @@ LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
 DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-DOT: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 1.96}
+PLATE: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 2.05}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
-HALO: Style = {'facecolor': 'white', 'linewidth': 0, 'zorder': 1.93}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -230,9 +228,9 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m:
     """Draw a path from a circle to a square, with its marks and an arrow between two stops."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=1.2, zorder=1.5)
     head = '-|>,head_width=0.15,head_length=0.5'
-    style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14}
+    style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14, 'shrinkB': 0}
     for x, y, heading in arrows_between(points, stops, arrow_m):
-        tip = x + 0.03 * math.cos(heading), y + 0.03 * math.sin(heading)
+        tip = x + 0.42 * arrow_m * math.cos(heading), y + 0.42 * arrow_m * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
     middles = [each[:2] for each in stops]
     for marker, place in (('o', points[0]), ('s', points[-1])):
@@ -299,7 +297,7 @@ def draw_route(
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
-    sights = [_draw_sight(axes, *line, scale, DOT_SHARE * math.hypot(*digits) / 2) for _, line in stops]
+    heads = [_draw_sight(axes, *line, scale, DOT_SHARE * math.hypot(*digits) / 2) for _, line in stops]
     are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
@@ -308,15 +306,13 @@ def draw_route(
     ways = [route.points_m, *(line for _, line in stops)]
     lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    marked = [*(head for _, head in sights), *(dot for _, dot, _ in labels)]
-    solid, further = robots, dict[int, Box]()
+    marked = [*heads, *(dot for _, dot, _ in labels)]
+    solid, beside = robots, list[Box]()
     if has_room:
-        solid, further = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
-    for number in further:
-        sights[number - 1][0].set_zorder(1.95)  # over its halo
+        solid, beside = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
     if route.points_m:
         draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
-    taken = [*lines, *marked, *robots, *further.values()]
+    taken = [*lines, *marked, *robots, *beside]
     bounds = box_of(walls)
     end_m = max(END_M, robot_m)
     ends = [
@@ -330,10 +326,10 @@ def draw_route(
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        f'stop: the robot (radius {robot_radius_m:g} m)': ROBOT if has_room else DISC,
+        f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
-        **({'crowded stop and its number': FURTHER} if further else {}),
+        **({'crowded stop: small dot, number beside it': CROWDED_STOP} if beside else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -347,12 +343,12 @@ def draw_route(
     return figure
 
 
-def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> tuple[Any, Box]:
-    """Draw the line of sight from the dot of a stop to its tag; return it, and what its head covers."""
+def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> Box:
+    """Draw the line of sight from the dot of a stop to its tag; return what its head covers."""
     shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
     first, tip = (1.0 - shares) * start + shares * end
-    (line,) = axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
-    return line, draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
+    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
+    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
 
 
 def _draw_stops(
@@ -362,7 +358,7 @@ def _draw_stops(
     digits: tuple[float, float],
     radius_m: float,
     taken: Sequence[Box],
-) -> tuple[list[Box], dict[int, Box]]:
+) -> tuple[list[Box], list[Box]]:
     """
     Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
 
@@ -375,26 +371,26 @@ def _draw_stops(
     steps = [(complex(x, y), n) for n, way in enumerate(ways) for x, y, _ in steps_of(way, disc_m / 4)]
     points, numbers = np.reshape(np.array(steps, complex), (-1, 2)).T
     stops = np.array([complex(*pose[:2]) for pose in poses])
-    solid, beside, crowded = list[Box](), dict[int, Box](), []
+    solid, beside, crowded = list[Box](), list[Box](), []
     for number, pose in enumerate(poses, start=1):
         is_near = np.abs(points - stops[number - 1]) < disc_m
         is_near &= (numbers != 0) & (numbers != number)
         stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
-        dot_m, style = disc_m, DISC_OF_NUMBER
+        dot_m = disc_m
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m, style = DOT_SHARE * disc_m, DOT
+            dot_m = DOT_SHARE * disc_m
             crowded.append(number)
-            axes.add_patch(Circle(pose[:2], 1.5 * dot_m, **HALO))  # over the headings of others
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, **style))
+        axes.add_patch(Circle(pose[:2], dot_m, **DISC_OF_NUMBER))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
     for number in crowded:
-        around = [*taken, *solid, *beside.values()]
-        beside[number] = _box_beside(ways[number], stops, points[numbers != number], around, disc_m, radius_m)
-        axes.add_patch(Circle(beside[number][:2], beside[number].width / 2, **DOT | {'zorder': 2.05}))
-        axes.text(*beside[number][:2], number, **NUMBER | {'color': colours.ROUTE})
-    return [*solid, *beside.values()], beside
+        around = [*taken, *solid, *beside]
+        box = _box_beside(ways[number], stops, points[numbers != number], around, disc_m, radius_m)
+        axes.add_patch(Circle(box[:2], box.width / 2, **PLATE))
+        axes.text(*box[:2], number, **NUMBER | {'color': colours.ROUTE})
+        beside.append(box)
+    return [*solid, *beside], beside
 
 
 def _box_beside(
@@ -403,14 +399,15 @@ def _box_beside(
     """
     Return where a stop's number covers least, also of the robots at other stops, and is off other ways.
 
-    It is on the line of sight; or around the stop, if no other stop is at the same place. Stops and points of
-    ways are complex numbers.
+    It is around the stop, or on the line of sight; beside this line, if another stop is at the same place.
+    Stops and points of ways are complex numbers.
     """
     stop, tag = (complex(*end) for end in sight)
     ahead, last = disc_m * (tag - stop) / abs(tag - stop), abs(tag - stop) / disc_m - 2.0
     is_here = np.abs(stops - stop) < disc_m
-    shares = np.linspace(BESIDE, max(BESIDE, last), 17)
-    places = stop + ahead * np.append(shares, BESIDE * AROUND if is_here.sum() == 1 else ())
+    around = AROUND if is_here.sum() == 1 else AROUND[AROUND.real > np.abs(AROUND) / 2]
+    offsets = np.append(np.linspace(BESIDE, max(BESIDE, last), 17), around)
+    places, asides = stop + ahead * offsets, np.where(offsets.real > 0.0, np.abs(offsets.imag), np.inf)
     side_m = 2 * PLATE_SHARE * disc_m
     boxes = np.array([(each.real, each.imag, side_m, side_m) for each in places])
     costs = overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
@@ -418,7 +415,8 @@ def _box_beside(
         np.abs(places[:, None] - each).min(axis=1, initial=np.inf) for each in (stops[~is_here], ways)
     )
     costs += np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
-    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.1 * np.abs(places - stop) / disc_m
+    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.1 * np.abs(offsets)
+    costs += np.where(asides > 0.0, 2.0 * np.maximum(1.05 - asides, 0.0), 0.3)
     return Box(*boxes[costs.round(3).argmin()].tolist())
 
 

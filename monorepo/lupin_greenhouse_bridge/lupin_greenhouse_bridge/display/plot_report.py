@@ -40,10 +40,10 @@ ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to th
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5)
 WITHOUT = READ | {'markerfacecolor': 'white', 'label': 'without'}  # a reading, or a value
-CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
+CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white', label='failed')
 UNREACHED = WITHOUT | {'color': colours.FAILED}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
-GOAL = TO_TAG, point_style(drawings.DOT_AT_LEFT, 'white', 17, markeredgecolor=colours.FAILED)
+GOAL = TO_TAG, point_style(drawings.DOT_ASIDE, 'white', 17, markeredgecolor=colours.FAILED)
 RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label='ring')
 # Drawn as the discs are: Matplotlib moves the markers of lines to whole pixels.
 RINGS: Style = {'s': 13**2, 'facecolor': 'none', 'edgecolor': 'black', 'linewidth': 1.4, 'label': 'ring'}
@@ -219,7 +219,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     from matplotlib.ticker import MaxNLocator
 
     tags, (low, high) = shown.layout.tags, limits
-    failed = [tag_id for tag_id in shown.failed if tag_id in tags]
+    failed = [each for each in shown.failed if each in tags and sensor in tags[each].sensors]
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
@@ -307,7 +307,8 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
 
 def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
     style = {'marker': 'X', 's': 70, 'color': colours.FAILED, 'edgecolor': 'white', 'zorder': 5}
-    axes.scatter(*_places_of(tag_ids, shown), **style)
+    if tag_ids:
+        axes.scatter(*_places_of(tag_ids, shown), **style, label='failed')
 
 
 def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
@@ -321,7 +322,7 @@ def _write_key(
     """Write what each mark means into an empty cell, or else below the last row; return what is lowest."""
     is_complete = not _unread_of(shown) and summary.is_complete(shown.readings, sensors, shown.layout)
     without = 'tag without this sensor' if is_complete else 'tag without a value'
-    others = ('lowest or highest value', RING), (without, WITHOUT)
+    others = ('lowest or highest value', RING), (without, WITHOUT), (_word_of(shown.failed), CROSS)
     marks: list[tuple[str, drawings.Mark]] = [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *(each for each in others if each[1]['label'] in drawn),
@@ -354,10 +355,14 @@ def _key_rows(shown: Greenhouse) -> int:
 
 
 def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
-    words = set(shown.failed.values())
-    word = min(words) if len(words) == 1 else 'not read'
     goals = [('goal not reached', GOAL)] if shown.goals else []
-    return [(word, CROSS), *goals] if words else []
+    return [(_word_of(shown.failed), CROSS), *goals] if shown.failed else []
+
+
+def _word_of(failed: dict[str, str]) -> str:
+    """Return the word of all failures, if it is the same."""
+    words = set(failed.values())
+    return min(words) if len(words) == 1 else 'not read'
 
 
 def _marks_of_tables(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
