@@ -395,12 +395,12 @@ function draw_small_map(tab, sensor) {
   const radius = clamp(frame.scale * 0.22, 1.5, 6);
   const dots = placed_tags.map(tag => ({
     x: frame.x(tag.x), y: frame.y(tag.y), radius, outer: radius, width: width_of(tag.id), tag,
-    fill: sensor.colours[tag.number],
-  })).filter(({ tag, fill }) => tag.has_failed || fill).sort((one, other) => one.tag.has_failed - other.tag.has_failed);
-  for (const { x, y, tag, fill } of dots) {
+    fill: sensor.colours[tag.number], has_failed: sensor.failed[tag.number],
+  })).filter(({ has_failed, fill }) => has_failed || fill).sort((one, other) => one.has_failed - other.has_failed);
+  for (const { x, y, has_failed, fill } of dots) {
     const circle = { class: 'value', cx: x, cy: y, r: radius, stroke: 'currentColor' };
     const d = cross_at(x, y, 0.75 * radius);
-    if (tag.has_failed) for (const name of ['around', 'cross']) mark(svg, 'path', { class: `${name} thin`, d });
+    if (has_failed) for (const name of ['around', 'cross']) mark(svg, 'path', { class: `${name} thin`, d });
     else mark(svg, 'circle', { ...circle, ...filled(fill) });
   }
   if (dots.length <= MOST_ON_PAPER) number_dots(mark(svg, 'g', { class: 'paper' }), dots, frame.room);

@@ -26,7 +26,7 @@ from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits
 from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
@@ -155,7 +155,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'colours': STOPS,
         'sensors': [
             {
-                **_sensor_data(each, tags, limits[each]),
+                **_sensor_data(each, tags, limits[each], layout),
                 'extent': (min(values[each]), max(values[each])),
                 'lines': lines[each],
             }
@@ -182,7 +182,9 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
     }
 
 
-def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[float, float]) -> dict[str, Any]:
+def _sensor_data(
+    sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[float, float], layout: Layout
+) -> dict[str, Any]:
     """Return the texts, the colours and the limits of a sensor."""
     values = {tag_id: tag['values'][sensor] for tag_id, tag in tags.items()}
     known = {tag_id: value for tag_id, value in values.items() if value is not None}
@@ -195,6 +197,10 @@ def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[flo
         'decimals': decimals_of(sensor),
         'limits': limits,
         'colours': [colours.get(tag_id) for tag_id in tags],
+        'failed': [
+            tag['has_failed'] and tag_id in layout.tags and sensor in layout.tags[tag_id].sensors
+            for tag_id, tag in tags.items()
+        ],
         'value_range': f'{TO.join(ends)}{SPACE}{unit_of(sensor)}'.strip() if known else 'no value',
         'extremes': [
             (text, [tags[tag_id]['id'] for tag_id in tag_ids])

@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 
 ARROW_M = 0.22
 ARROW_EVERY, MOST_ARROWS = 4, 200  # along a path without stops: in lengths of an arrow
+ARROWS_APART = 0.9  # at least, in lengths of an arrow
 # Parts of a path that are as close and as parallel (as a sine) lie beside each other; and its steps at most.
 SHARED_M, PARALLEL, MOST_STEPS = 0.06, 0.3, 1000
 SMOOTHED = 9  # steps, an odd number
@@ -117,7 +118,8 @@ def arrows_between(
         middle = len(leg) // 2
         outwards = sorted(range(4, len(leg) - 4), key=lambda n: abs(n - middle))
         straight = [leg[n] for n in outwards if math.dist(leg[n - 4][:2], leg[n + 4][:2]) > 0.999 * arrow_m]
-        is_free = (each for each in straight if all(math.dist(each[:2], at[:2]) > arrow_m for at in arrows))
+        others, apart_m = [at[:2] for at in arrows], ARROWS_APART * arrow_m
+        is_free = (each for each in straight if all(math.dist(each[:2], at) > apart_m for at in others))
         arrows.append(next(is_free, leg[middle]))
     return arrows
 
