@@ -1,7 +1,7 @@
 """
 Draw the page of readings and the pictures of a mission, its route and one sensor, for the documents.
 
-    make mission DRIVE=1 ARGS="blocked:='3.0 1.0 3.2 1.2' max_poses:=1"   # no path to tag 17
+    make mission DRIVE=1 ARGS="blocked:='1.9 4.4 2.1 4.6' max_poses:=1"   # the goal of tag 23 is occupied
     make figure PAGE=1
 """
 

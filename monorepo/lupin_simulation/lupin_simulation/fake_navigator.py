@@ -44,7 +44,7 @@ STEP_SECONDS = 0.05
 ROUTE_HEADER = 'x,y'
 PROGRESS_SECONDS = 10.0  # without a move, as movement_time_allowance of Nav2's progress checker
 # The error codes of Nav2's controller and planner.
-FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, NO_VALID_PATH = 105, 205, 208
+FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, GOAL_OCCUPIED, NO_VALID_PATH = 105, 205, 206, 208
 
 
 class FakeNavigator(LifecycleNode):
@@ -141,14 +141,20 @@ class FakeNavigator(LifecycleNode):
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
         path = path_towards(self._planner_space, start[:2], target[:2], self._settings.tolerance)
         if path is None:
-            here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
-            failure = f'no path from {here} to goal {there}'
-            is_free = self._planner_space.is_free(*start[:2])
-            self._end(goal, failure, NO_VALID_PATH if is_free else START_OCCUPIED)
+            self._end(goal, *self._failure_of(start, target))
         else:
             planned = PoseInPlane(*path[-1], target.yaw)
             arrival = arrival_at(planned, self._settings, self._chance, self._robot_space)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
+
+    def _failure_of(self, start: PoseInPlane, target: PoseInPlane) -> tuple[str, int]:
+        """Return why there is no path, and with which code; a planner with a tolerance needs no free goal."""
+        here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
+        if not self._planner_space.is_free(*start[:2]):
+            return f'the start at {here} is occupied', START_OCCUPIED
+        if not self._settings.tolerance and not self._planner_space.is_free(*target[:2]):
+            return f'the goal at {there} is occupied', GOAL_OCCUPIED
+        return f'no path from {here} to goal {there}', NO_VALID_PATH
 
     def _step(self) -> None:
         """Move the robot for the time that has passed, and end its goal if it is done or stuck."""
