@@ -46,7 +46,8 @@ INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 ROUTE_ZOOM, ROUTE_DPI = 1.15, 126  # the first is of the marks and the texts, if tags are few
 HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
 HEAD_M, BEFORE_TAG_M = 0.15, 0.045  # its scale on a line of sight, and where it ends
-SHORT_ARROW_M = 0.13  # that an arrow of the route needs between two stops
+SHORT_ARROW_M = 0.15  # that an arrow of the route needs between two stops
+HALF_HEAD = 0.42  # from the middle to the tip of an arrow of a path, in lengths that it needs
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -111,6 +112,11 @@ DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
 PLATE: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 2.05}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
+SMALL_DOT: Style = {
+    'facecolor': colours.ROUTE,
+    'linewidth': 0,
+    'zorder': 1.85,
+}  # below the headings of others
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -229,7 +235,7 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m:
     head = '-|>,head_width=0.15,head_length=0.5'
     style = {'arrowstyle': head, 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 14, 'shrinkB': 0}
     for x, y, heading in arrows_between(points, stops, arrow_m):
-        tip = x + 0.42 * arrow_m * math.cos(heading), y + 0.42 * arrow_m * math.sin(heading)
+        tip = x + HALF_HEAD * arrow_m * math.cos(heading), y + HALF_HEAD * arrow_m * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
     middles = [each[:2] for each in stops]
     for marker, place in (('o', points[0]), ('s', points[-1])):
@@ -375,18 +381,18 @@ def _draw_stops(
         is_near = np.abs(points - stops[number - 1]) < disc_m
         is_near &= (numbers != 0) & (numbers != number)
         stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
-        dot_m = disc_m
+        dot_m, style = disc_m, DISC_OF_NUMBER
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m = DOT_SHARE * disc_m
+            dot_m, style = DOT_SHARE * disc_m, SMALL_DOT
             crowded.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, **DISC_OF_NUMBER))
+        axes.add_patch(Circle(pose[:2], dot_m, **style))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
     for number in crowded:
         around = [*taken, *solid, *beside]
         box = _box_beside(ways[number], stops, points[numbers != number], around, disc_m, radius_m)
-        axes.add_patch(Circle(box[:2], box.width / 2, **PLATE))
+        axes.add_patch(Circle(box[:2], PLATE_SHARE * disc_m, **PLATE))
         axes.text(*box[:2], number, **NUMBER | {'color': colours.ROUTE})
         beside.append(box)
     return [*solid, *beside], beside
@@ -407,7 +413,7 @@ def _box_beside(
     around = AROUND if is_here.sum() == 1 else AROUND[AROUND.real > np.abs(AROUND) / 2]
     offsets = np.append(np.linspace(BESIDE, max(BESIDE, last), 17), around)
     places, asides = stop + ahead * offsets, np.where(offsets.real > 0.0, np.abs(offsets.imag), np.inf)
-    side_m = 2 * PLATE_SHARE * disc_m
+    side_m = math.sqrt(math.pi) * PLATE_SHARE * disc_m  # of a square with the area of the number
     boxes = np.array([(each.real, each.imag, side_m, side_m) for each in places])
     costs = overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
     robots_m, ways_m = (
@@ -415,7 +421,7 @@ def _box_beside(
     )
     costs += np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
     costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.1 * np.abs(offsets)
-    costs += np.where(asides > 0.0, 2.0 * np.maximum(1.05 - asides, 0.0), 0.3)
+    costs += np.where(asides > 0.0, 0.5 + 2.0 * np.maximum(1.05 - asides, 0.0), 0.0)
     return Box(*boxes[costs.round(3).argmin()].tolist())
 
 
