@@ -37,7 +37,7 @@ def report(tmp_path):
         tmp_path / 'report.jsonl',
         visit('1', temperature=22.61),
         visit('5', temperature=24.02, co2=615.2),
-        visit('6', 'TIMEOUT', 'no reply before the timeout'),
+        visit('7', 'TIMEOUT', 'no reply before the timeout'),
         visit('$\\lost$', 'UNKNOWN_TAG', 'no such $tag'),  # no formula
     )
 
@@ -75,7 +75,7 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
     assert {'temperature (°C)', 'CO₂ (ppm)', '1: 22.6', '5: 615', '1 tag', 'y (m)', extremes} <= set(texts)
     lost = 'Tag \\$\\lost\\$ \nunknown tag\n: no such \\$tag'
     counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n'
-    for lines in ('Tag 6 \ntimeout\n: no reply before the timeout', lost, counts):
+    for lines in ('Tag 7 \ntimeout\n: no reply before the timeout', lost, counts):
         assert lines in '\n'.join(texts)
 
 
@@ -88,15 +88,17 @@ def test_what_is_the_same_is_told_once(drawn):
     assert [texts.count(each) for each in ('timeout', 'lowest or highest value')] == [3, 0]
 
 
-def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(report, drawn, shipped_tags):
-    panels = [axes for axes in drawn(file=report).axes if axes.get_title()]
+def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(drawn, shipped_tags):
     places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
-    for axes, has_cross in zip(panels, (True, True, False), strict=True):  # tag 6 has only temperature
+    read, lost, *_ = places
+    values = {each: float(each in shipped_tags[lost]['sensors']) for each in UNITS}
+    panels = [axes for axes in drawn(visit(read, **values), visit(lost, 'TIMEOUT')).axes if axes.get_title()]
+    for axes, has_cross in zip(panels, [1.0, *values.values()], strict=True):
         (dots,) = (line for line in axes.lines if line.get_markerfacecolor() == 'white')
-        left = places.keys() - ({'1', '5', '6'} if has_cross else {'5'})
+        left = places.keys() - ({read, lost} if has_cross else {read})
         assert list(zip(*dots.get_data(), strict=True)) == [places[each] for each in places if each in left]
-        crosses = [points for points in axes.collections if points.get_offsets().tolist() == [[*places['6']]]]
-        assert len(crosses) == has_cross == ('6' in {text.get_text() for text in axes.texts})
+        crosses = [each for each in axes.collections if each.get_offsets().tolist() == [[*places[lost]]]]
+        assert (len(crosses), lost in [text.get_text() for text in axes.texts]) == (has_cross, True)
 
 
 def test_tags_with_the_same_value_are_all_named_and_ringed(drawn):

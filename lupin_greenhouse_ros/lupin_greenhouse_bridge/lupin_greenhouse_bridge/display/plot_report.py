@@ -235,7 +235,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
-    labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
+    labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in shown.failed if tag_id in tags]
     _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -360,7 +360,7 @@ def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
 
 
 def _word_of(failed: dict[str, str]) -> str:
-    """Return the word of all failures, if it is the same."""
+    """Return the word that all failures share, or else 'not read'."""
     words = set(failed.values())
     return min(words) if len(words) == 1 else 'not read'
 

@@ -497,7 +497,9 @@ function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
   const shown = columns.filter(({ name }, n) => n && (tag.outcome === 'read' || name === 'attempts'));
-  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, tag.outcome);
+  const lost = data.sensors.filter(sensor => sensor.failed[tag.number]).map(sensor => sensor.name);
+  const more = lost.length ? `: ${new Intl.ListFormat('en-GB').format(lost)} not read` : '';
+  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, tag.outcome + more);
   for (const { name, unit, key, text, is_aside } of shown) {
     const told = is_aside ? { class: 'number aside', 'data-name': asides.length > 1 ? name : '' }
       : { class: 'number', 'data-name': name, 'data-unit': unit };
