@@ -237,7 +237,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
     assert sorted(int(stop.get_text()) for stop in stops) == list(range(1, len(tags) + 1))
-    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 26
+    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) == 22
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
     sights = [line for line in lines if line.get_color() == figure.colours.TAG_ID]
     places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in tags.items()}

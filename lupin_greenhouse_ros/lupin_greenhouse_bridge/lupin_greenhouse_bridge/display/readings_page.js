@@ -106,6 +106,9 @@ const dates_in_table = [...new Set(last_stamps.map(date))];
 const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 'read');
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
+// Returns the names of the sensors that a tag has and that were not read.
+const lost_of = tag =>
+  new Intl.ListFormat('en-GB').format(data.sensors.filter(each => each.failed[tag.number]).map(each => each.name));
 
 // The head
 
@@ -130,7 +133,9 @@ function write_tags(line, { word, reason, tags, more }, name) {
     if (number) line.append(number + 1 < tags.length || more ? ', ' : ' and ');
     mark(line, 'a', { href: address(id) }, id);
   });
-  line.append(more, ' ');
+  const lone = tags.length === 1 && !more ? data.tags.find(tag => tag.id === tags[0]) : null;
+  const lost = lone && lost_of(lone);
+  line.append(more, lost ? ` (${lost}) ` : ' ');
   mark(line, 'span', { class: name }, word);
   const [, plain, code = ''] = /^(.*?)(?: (\(code \d+\)))?$/s.exec(reason);
   if (plain) line.append(`: ${plain}`);
@@ -497,13 +502,12 @@ function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
   const shown = columns.filter(({ name }, n) => n && (tag.outcome === 'read' || name === 'attempts'));
-  const lost = data.sensors.filter(sensor => sensor.failed[tag.number]).map(sensor => sensor.name);
-  const more = lost.length ? `: ${new Intl.ListFormat('en-GB').format(lost)} not read` : '';
-  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, tag.outcome + more);
+  const lost = lost_of(tag), told = tag.outcome + (lost && `: ${lost} not read`);
+  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, told);
   for (const { name, unit, key, text, is_aside } of shown) {
-    const told = is_aside ? { class: 'number aside', 'data-name': asides.length > 1 ? name : '' }
+    const cell = is_aside ? { class: 'number aside', 'data-name': asides.length > 1 ? name : '' }
       : { class: 'number', 'data-name': name, 'data-unit': unit };
-    mark(tag.row, 'td', told, key(tag) === null ? '' : text(key(tag)));
+    mark(tag.row, 'td', cell, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
 }
