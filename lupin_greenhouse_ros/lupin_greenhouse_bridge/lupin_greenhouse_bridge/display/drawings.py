@@ -260,13 +260,13 @@ def draw_robots(axes: Any, stops: Sequence[tuple[ApproachPose, Point]], radius_m
     return not noses
 
 
-def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str = colours.ROUTE) -> Box:
+def draw_head(axes: Any, start: Point, tip: Point, scale_m: float, colour: str, edge: float = 0.4) -> Box:
     """Draw the head of an arrow over every disc and line; return what it covers."""
     from matplotlib.patches import Polygon
 
     cos, sin = np.subtract(tip, start) / math.dist(start, tip)
     corners = tip + scale_m * HEAD @ [(cos, sin), (-sin, cos)]
-    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor='white', linewidth=0.4, zorder=2.1))
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor='white', linewidth=edge, zorder=2.1))
     return Box(*corners.mean(axis=0), *np.ptp(corners, axis=0))
 
 
@@ -335,7 +335,7 @@ def draw_route(
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
-        **({'crowded stop: small dot, number beside it': CROWDED_STOP} if beside else {}),
+        **({'crowded stop: dot, its numbers beside it': CROWDED_STOP} if beside else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -354,7 +354,7 @@ def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float)
     shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
     first, tip = (1.0 - shares) * start + shares * end
     axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
-    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID)
+    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
 
 def _draw_stops(
@@ -420,9 +420,10 @@ def _box_beside(
     robots_m, ways_m = (
         np.abs(places[:, None] - each).min(axis=1, initial=np.inf) for each in (stops[~is_here], ways)
     )
-    costs += np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
-    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.1 * np.abs(offsets)
-    costs += np.where(asides > 0.0, 0.5 + 2.0 * np.maximum(1.05 - asides, 0.0), 0.0)
+    costs += 0.5 * np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
+    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.6 * np.abs(offsets)
+    costs += np.where(asides > 0.0, 0.2 + 2.0 * np.maximum(1.05 - asides, 0.0), 0.0)
+    costs += 0.1 * np.abs(offsets.imag)  # near the line of sight, or behind it
     return Box(*boxes[costs.round(3).argmin()].tolist())
 
 
