@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 # In inches: from the left of a panel to that of the next one, between them, and of all columns.
 SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
-LEFT, BELOW, ABOVE = 0.37, 0.57, 1.76  # inches for the labels of the axes, and between two rows
+LEFT, BELOW, ABOVE = 0.37, 0.57, 1.41  # inches for the labels of the axes, and between two rows
 MOST_COLUMNS, MOST_WIDER = 3, 3.0  # panels in a row; by what a wide greenhouse is wider than a usual one
 ZOOM, ONE_COLUMN_ZOOM = 1.1, 1.25  # of a usual greenhouse; with the second it fills a column of a paper
 # The sizes of marks, which scale_of() scales.
@@ -36,21 +36,29 @@ LANE_M, GAP_M, LABELS = 0.083, 0.125, LabelSize(0.125, 0.095, 0.283)
 RING_M, DOT_M, CROSS_M, SMALL_DOT_M = 0.4, 0.31, 0.24, 0.21
 AWAY_M = 0.17  # that dots are larger for a label that is not theirs
 POINTS = 9.0  # of the labels and the key
-ABOVE_MAP, ABOVE_KEY, LINE = 67, 18, 13  # points from a map to its title, to the key of the route; of a line
+# Points from a map, and from its bar, to a key; to a title without lines below it, and of a line.
+ABOVE_MAP, ABOVE_BAR, ABOVE_LINES, LINE = 18, 38, 43, 13
 STOP = point_style('o', colours.ROUTE, 3.5)
 READ = point_style('o', '0.5', 4.5)
-WITHOUT = READ | {'markerfacecolor': 'white', 'label': 'without'}  # a reading, or a value
-CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white', label='failed')
+WITHOUT = READ | {'markerfacecolor': 'white'}  # a reading, or a value
+CROSS = point_style('X', colours.FAILED, 8, markeredgecolor='white')
 UNREACHED = WITHOUT | {'color': colours.FAILED}
 TO_TAG: Style = {'color': colours.FAILED, 'linewidth': 0.8, 'linestyle': (0, (3, 2)), 'zorder': 1.6}
 GOAL = TO_TAG, point_style(drawings.DOT_ASIDE, 'white', 17, markeredgecolor=colours.FAILED)
-RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label='ring')
+RING = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4)
 # Drawn as the discs are: Matplotlib moves the markers of lines to whole pixels.
-RINGS: Style = {'s': 13**2, 'facecolor': 'none', 'edgecolor': 'black', 'linewidth': 1.4, 'label': 'ring'}
-KEY: Style = {'fontsize': POINTS, 'borderpad': 0.0, 'borderaxespad': 0.0, 'handlelength': 1.5}
+RINGS: Style = {'s': 13**2, 'facecolor': 'none', 'edgecolor': 'black', 'linewidth': 1.4}
+KEY: Style = {
+    'fontsize': POINTS,
+    'handletextpad': 0.75,
+    'borderpad': 0,
+    'borderaxespad': 0,
+    'handlelength': 1.4,
+    'columnspacing': 0.8,
+}
 MOST_NAMED = 30  # tags in a line of failures
 NO_BREAK = '\xa0'  # a space
-KEY_INCHES = 2.2  # the width of a column of the key
+KEY_COLUMNS = 2
 
 
 @dataclass(frozen=True)
@@ -138,25 +146,30 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     has_ways = bool(shown.route or failed)
     figure = Figure()
     FigureCanvasAgg(figure)  # measures texts
-    panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown, most_columns)
+    keys = [(_marks_of_ways(shown), ABOVE_MAP)] * has_ways + [(_marks_of_values(shown, sensors), ABOVE_BAR)]
+    # Below a title, beside those of a bar: two about the values, and the rows of a key.
+    lines = [-(-len(marks) // KEY_COLUMNS) + 2 * (above == ABOVE_BAR) for marks, above in keys]
+    lines += [2] * (len(sensors) + has_ways - len(lines))
+    panels = _panels_of(figure, max(lines), len(lines), shown, most_columns)
+    if panels[0].get_gridspec().ncols > 1:
+        lines = [max(lines)] * len(lines)
     if has_ways:
-        _draw_ways(panels[0], shown)
-    for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
-        _draw_readings(axes, sensor, shown, limits[sensor])
-    drawn = {each.get_label() for axes in panels[has_ways:] for each in (*axes.lines, *axes.collections)}
-    key = _write_key(panels[has_ways:], empty_cell, shown, sensors, drawn)
-    _write_texts(panels[0].title, key, path.name, rows, failures, shown)
+        _draw_ways(panels[0], shown, lines[0])
+    for axes, sensor, count in zip(panels[has_ways:], sensors, lines[has_ways:], strict=True):
+        _draw_readings(axes, sensor, shown, limits[sensor], count)
+    for axes, (marks, above) in zip(panels, keys, strict=False):
+        _write_key(axes, shown, marks, above)
+    _write_texts(panels[0].title, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
-def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) -> tuple[list[Any], Any]:
-    """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
+def _panels_of(figure: Any, lines: int, count: int, shown: Greenhouse, most_columns: int) -> list[Any]:
+    """Return the axes of this many greenhouses, row by row, with room for these lines below a title."""
     width, height = shown.inches
     gap = max(SMALLEST_PANEL - width, SMALLEST_GAP)
     most = min(max(1, int(WIDEST / (width + gap))), most_columns)
     rows = -(-count // most)
-    columns = max(-(-count // rows), min(most, 2))  # beside one panel, its key
-    above = ABOVE + LINE / 72 * max(_key_rows(shown) - 2, 0) * (columns > 1)  # or else below the head
+    columns, above = -(-count // rows), ABOVE + LINE / 72 * lines
     right, all_height = LEFT + columns * (width + gap) - gap, BELOW + rows * (height + above) - above
     all_width = max(right + gap - SMALLEST_GAP, LEFT + SMALLEST_PANEL * ONE_COLUMN_ZOOM)
     figure.set_size_inches(all_width, all_height)
@@ -169,13 +182,11 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse, most_columns: int) ->
         axes.axis('off')
     for axes in grid[:, 0]:
         axes.set_ylabel('y (m)')
-    return list(grid.flat[:count]), next(iter(grid.flat[count:]), None)
+    return list(grid.flat[:count])
 
 
-def _draw_ways(axes: Any, shown: Greenhouse) -> None:
+def _draw_ways(axes: Any, shown: Greenhouse, lines: int) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
-    from matplotlib.transforms import offset_copy
-
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
     _draw_dots(axes, [each for each in tags if each in shown.readings], shown, READ)
     _draw_dots(axes, _unread_of(shown), shown, WITHOUT)
@@ -186,10 +197,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         axes.plot(*np.reshape(placing.stops_of(route), (-1, 2)).T, **STOP, zorder=1.7)
         drawings.show_all(axes, shown.layout, shown.walls, route)
     more = f'the robot drove {length_m(route):.1f} m' if route else ''
-    _write_title(axes, shown, 'route' if route else 'tags read or not', more, key_rows=_key_rows(shown))
-    place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
-    place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=ABOVE_KEY, units='points')
-    drawings.write_key(axes, _marks_of_ways(shown), columns=2, **place).set_in_layout(False)
+    _write_title(axes, shown, 'route' if route else 'tags read or not', more, lines)
     gap_m = shown.scale * GAP_M
     crosses = [tag_id for tag_id in failed if tag_id in tags]
     dots = _boxes_of(dict.fromkeys(crosses, CROSS_M), shown)
@@ -214,7 +222,9 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     _draw_crosses(axes, shown, crosses)
 
 
-def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float]) -> None:
+def _draw_readings(
+    axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float], lines: int
+) -> None:
     """Draw the last values of a sensor, and above them the bar of their colours."""
     from matplotlib.ticker import MaxNLocator
 
@@ -224,7 +234,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
-    _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), count)
+    _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), lines, count)
     _draw_dots(axes, [each for each in tags if each not in {*values, *failed}], shown, WITHOUT)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     points = axes.scatter(*_places_of(values, shown), c=list(values.values()), zorder=5, snap=False, **style)
@@ -235,7 +245,11 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
-    labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in shown.failed if tag_id in tags]
+    labels += [
+        (tag_id, dots[tag_id], colours.FAILED if tag_id in failed else '0.35')
+        for tag_id in shown.failed
+        if tag_id in tags
+    ]
     _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -249,15 +263,12 @@ def _left_of(axes: Any, shown: Greenhouse) -> float:
     return float(axes.transLimits.transform((shown.walls.x0, 0.0))[0])
 
 
-def _write_title(
-    axes: Any, shown: Greenhouse, title: str, more: str, count: str = '', key_rows: int = 1
-) -> None:
-    """Write above the left wall a title, a count of tags beside it, and below it up to two small lines."""
+def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int, count: str = '') -> None:
+    """Write above the left wall a title, a count of tags beside it, and the first of the lines below it."""
     left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
     to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
     room = min(0.96 * axes.figure.bbox.width / columns, to_end)
-    lines = len(more.splitlines()) + key_rows - 1 if columns == 1 else max(2, _key_rows(shown))
-    above = ABOVE_MAP + LINE * (lines - 2)
+    above = ABOVE_LINES + LINE * lines
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
     beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
@@ -307,8 +318,7 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
 
 def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str]) -> None:
     style = {'marker': 'X', 's': 70, 'color': colours.FAILED, 'edgecolor': 'white', 'zorder': 5}
-    if tag_ids:
-        axes.scatter(*_places_of(tag_ids, shown), **style, label='failed')
+    axes.scatter(*_places_of(tag_ids, shown), **style)
 
 
 def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
@@ -316,28 +326,31 @@ def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
     return np.reshape([shown.layout.tags[tag_id][:2] for tag_id in tag_ids], (-1, 2)).T
 
 
-def _write_key(
-    panels: list[Any], empty_cell: Any, shown: Greenhouse, sensors: list[str], drawn: set[str]
-) -> Any:
-    """Write what each mark means into an empty cell, or else below the last row; return what is lowest."""
+def _write_key(axes: Any, shown: Greenhouse, marks: list[tuple[str, drawings.Mark]], above: float) -> None:
+    """Write what each mark means, these points above the left wall of a panel."""
+    from matplotlib.transforms import offset_copy
+
+    place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
+    place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=above, units='points')
+    drawings.write_key(axes, marks, columns=KEY_COLUMNS, **place).set_in_layout(False)
+
+
+def _marks_of_values(shown: Greenhouse, sensors: list[str]) -> list[tuple[str, drawings.Mark]]:
+    """Return what the panels of these sensors have."""
+    tags, found = shown.layout.tags, shown.readings.values()
     is_complete = not _unread_of(shown) and summary.is_complete(shown.readings, sensors, shown.layout)
-    without = 'tag without this sensor' if is_complete else 'tag without a value'
-    others = ('lowest or highest value', RING), (without, WITHOUT), (_word_of(shown.failed), CROSS)
-    marks: list[tuple[str, drawings.Mark]] = [
+    has_extremes = any(
+        len({each[sensor].value for each in found if sensor in each}) > 1 for sensor in sensors
+    )
+    has_all = all({*sensors} <= {*shown.readings.get(tag_id, ())} for tag_id in tags)
+    has_crosses = any({*sensors} & {*tags[each].sensors} for each in shown.failed if each in tags)
+    return [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *(each for each in others if each[1]['label'] in drawn),
+        *([('lowest, highest', RING)] if has_extremes else []),
+        *([] if has_all else [('no such sensor' if is_complete else 'no value', WITHOUT)]),
+        *([(_word_of(shown.failed), CROSS)] if has_crosses else []),
         *(_marks_of_tables(shown) if not shown.route else []),
     ]
-    figure = panels[0].figure
-    if empty_cell:
-        place: Style = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
-        drawings.write_key(empty_cell, marks, columns=1, **place)
-        return figure.transFigure  # while a picture is saved, figure.patch is larger
-    first = next(each for each in panels if each.get_subplotspec().is_last_row())
-    left = first.get_position().x0 + _left_of(first, shown) * first.get_position().width
-    place = {**KEY, 'loc': 'upper left', 'bbox_to_anchor': (left, 0.0)}
-    columns = max(1, int(figure.get_figwidth() * (1.0 - left) / KEY_INCHES))
-    return drawings.write_key(figure, marks, columns=columns, **place)
 
 
 def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
@@ -347,11 +360,6 @@ def _marks_of_ways(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
     stops = [('stop', STOP)] if placing.stops_of(shown.route) else []
     ways = [('route', route), *stops, *_marks_of_tables(shown)] if shown.route else []
     return [*ways, *read, *_marks_of_failed(shown)]
-
-
-def _key_rows(shown: Greenhouse) -> int:
-    """Return the rows of the key of the panel of the route, which has two columns."""
-    return -(-len(_marks_of_ways(shown)) // 2) if shown.route or shown.failed else 1
 
 
 def _marks_of_failed(shown: Greenhouse) -> list[tuple[str, drawings.Mark]]:
@@ -374,9 +382,9 @@ def _time_text(form: str, row: Row) -> str:
 
 
 def _write_texts(
-    title: Any, key: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
+    title: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
 ) -> None:
-    """Write above a title what was read, what failed and why, and when; and below the key the rest."""
+    """Write above a title what was read, what failed and why, and when; and below the figure the rest."""
     drawn = sorted(
         (row for each in shown.readings.values() for row in each.values()), key=lambda r: r.stamp_ns
     )
@@ -408,7 +416,7 @@ def _write_texts(
     rest = [summary.SEVERAL_TIMES * has_times, escaped(name, 64)]
     texts = ([(text, '0.35')] for text in rest if text)
     lines = [line for text in texts for line in _lines_of(text, figure, {'fontsize': 9})]
-    _write_lines(title, lines, key, 0.0, -8)
+    _write_lines(title, lines, figure.transFigure, 0.0, -8)
 
 
 def _write_lines(title: Any, lines: list[Any], of: Any, height: float, above: float) -> None:
