@@ -137,9 +137,9 @@ function write_tags(line, { word, reason, tags, more }, name) {
   const lost = lone && lost_of(lone);
   line.append(more, lost ? ` (${lost}) ` : ' ');
   mark(line, 'span', { class: name }, word);
-  const [, plain, code = ''] = /^(.*?)(?: (\(code \d+\)))?$/s.exec(reason);
+  const [, plain, code = ''] = /^(.*?)(?: (\(Nav2 code \d+\)))?$/s.exec(reason);
   if (plain) line.append(`: ${plain}`);
-  if (code) mark(line, 'small', {}, code).before(' ');
+  if (code) mark(line, 'small', {}, code.replaceAll(' ', '\u00a0')).before(' ');
 }
 
 // Writes the table of several files, and links to the page of each.
@@ -416,7 +416,7 @@ function number_dots(group, dots, room) {
   const taken = dots.map(({ x, y, radius }) => around(x, y, 2 * radius, 2 * radius));
   const boxes = { taken, room, route: [], dots };
   plan_labels(dots, boxes);
-  for (const dot of dots) label_dot(group, dot, boxes, 'muted halo', dot.tag.id);
+  for (const dot of dots) label_dot(group, dot, boxes, dot.has_failed ? 'lost halo' : 'muted halo', dot.tag.id);
   if (group.querySelector('.spare')) group.remove();
 }
 
@@ -599,7 +599,8 @@ function draw_charts(is_again = false) {
   const beside_others = document.querySelector('.beside')
     ? '; a point that would cover another is moved to the right' : '';
   const { offsetHeight } = element('lines');
-  element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.`;
+  const steps = state.clock === 'wall' ? '' : ` ${data.clock}`;
+  element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.${steps}`;
   if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left
   show_chosen();
 }
@@ -713,7 +714,7 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
     write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
   const lone = lines.filter(({ points }) => points.length === 1).map(({ group, text, is_bold, points: [{ x, y }] }) =>
-    ({ group, text, label: { x, y, radius: is_bold ? 4 : 2, outer: 3, width: width_of(text) } }));
+    ({ group, text, label: { x, y, radius: is_bold ? 4 : 2, outer: 3, width: width_of(text) + 3 } }));
   const boxes = { taken, room, route, dots: lone.map(({ label }) => label) };
   plan_labels(lone.map(({ label }) => label), boxes);
   for (const { group, text, label } of lone) label_dot(group, label, boxes, 'halo', text);
@@ -804,6 +805,7 @@ element('charts').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
 element('failed').hidden = !failure_words.length;
 element('moments').hidden = !data.is_of_several_times;
+element('moments').append(` ${data.clock}`);
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;

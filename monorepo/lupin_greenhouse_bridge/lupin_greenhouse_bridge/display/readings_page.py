@@ -171,6 +171,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'is_of_several_times': len(times_of_day) > 1,
         'is_complete': summary.is_complete(values_of, sensors, layout),
         'speed': summary.speed_text(rows),
+        'clock': summary.clock_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
         'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
         'walls': walls,

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
 LONGEST_REASON = 300  # characters
 MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
 LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
+MOST_AT_ONCE_NS = 2 * 10**9  # between two that tell its step
 SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
 
 
@@ -69,11 +70,11 @@ def outcome_text(outcome: str) -> str:
 
 def failure_reason(detail: str) -> str:
     """
-    Return why a visit failed: what happened, and then with which code, without the name of the action.
+    Return why a visit failed: what happened, and then with which code of Nav2, without the action's name.
 
     A position in it stays on one line.
     """
-    reason = re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+    reason = re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (Nav2 \1)', escaped(detail, LONGEST_REASON))
     return re.sub(r'(\d), (-?[\d.]+) m\b', '\\1,\u00a0\\2\u00a0m', reason)
 
 
@@ -114,6 +115,18 @@ def speed_text(rows: list[Row]) -> str:
     speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
     times = f'{float(f"{speed:.2g}"):,.0f}'
     return f'at about {times}\u00d7 real time' if speed > 1.5 else ''
+
+
+def clock_text(rows: list[Row]) -> str:
+    """Return by how much the clock of the greenhouse moves at a time, if that is a minute or more."""
+    times = np.array([row.sim_time_of_day_seconds for row in rows])
+    steps = np.diff(np.unique(times))
+    if len(steps) < 3 or (step := float(steps.min())) < 60.0 or (steps % step).any():
+        return ''
+    # All times can be multiples of a step by chance, but not two readings that follow each other at once.
+    is_at_once = np.abs(np.diff([row.stamp_ns for row in rows])) < MOST_AT_ONCE_NS
+    is_seen = (is_at_once & (np.abs(np.diff(times)) == step)).any()
+    return f'The clock of the greenhouse moves {step / 60:g} min at a time.' if is_seen else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:
