@@ -68,7 +68,7 @@ NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
 # In the key, as all until CROWDED_STOP.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
-TAG_AND_ID = point_style(r'$■\,7$', colours.TAG_ID, 14, markeredgewidth=0)
+TAG_AND_ID = point_style(r'$■\,3$', colours.TAG_ID, 14, markeredgewidth=0)
 DISC = point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7)
 TURNED = DISC, point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0)
 ROBOT = (
@@ -79,10 +79,12 @@ ROBOT = (
 TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
+PAST: Style = {'linestyle': (0, (3.0, 2.0))}
+AIMED_PAST = SIGHT | PAST, AIMED[1]
 CROWDED_STOP = (
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
-    point_style(r'$\mathbf{7}$', colours.ROUTE, 6, markeredgewidth=0),
+    point_style(r'$\mathbf{8}$', colours.ROUTE, 6, markeredgewidth=0),
 )
 
 
@@ -303,7 +305,12 @@ def draw_route(
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
-    heads = [_draw_sight(axes, *line, scale, DOT_SHARE * math.hypot(*digits) / 2) for _, line in stops]
+    dot_m = DOT_SHARE * math.hypot(*digits) / 2
+    are_past = [_is_past(line, [pose[:2] for pose, _ in stops], 3.0 * dot_m) for _, line in stops]
+    heads = [
+        _draw_sight(axes, *line, scale, dot_m, is_past)
+        for (_, line), is_past in zip(stops, are_past, strict=True)
+    ]
     are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
@@ -333,27 +340,42 @@ def draw_route(
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
+        **({'crowded stop (two numbers: it turns there)': CROWDED_STOP} if beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
+        **({'heading past another stop': AIMED_PAST} if any(are_past) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
-        **({'crowded stop: dot, its numbers beside it': CROWDED_STOP} if beside else {}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
-    if occupancy is not None:
-        marks['obstacle in the map'] = point_style('s', colours.OBSTACLE, 9)
-        if occupancy.is_unknown.any():
-            marks['unknown in the map'] = point_style('s', colours.UNKNOWN_PART, 9, alpha=0.5)
+    marks |= _marks_of_map(occupancy) if occupancy is not None else {}
     figure.set_figheight(height + 1.2 + 0.215 * len(marks))
     write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
 
-def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float) -> Box:
+def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
+    """Return what a map of the room shows."""
+    unknown = point_style('s', colours.UNKNOWN_PART, 9, alpha=0.5)
+    return {
+        'obstacle in the map': point_style('s', colours.OBSTACLE, 9),
+        **({'unknown in the map': unknown} if occupancy.is_unknown.any() else {}),
+    }
+
+
+def _is_past(line: tuple[Point, Point], stops: Sequence[Point], close_m: float) -> bool:
+    """Return whether a line of sight passes another stop than its own as close as this."""
+    steps = np.array([complex(x, y) for x, y, _ in steps_of(line, close_m / 2)])
+    places = np.array([complex(*stop) for stop in stops])
+    others = places[np.abs(places - complex(*line[0])) > close_m]
+    return bool((np.abs(steps[:, None] - others) < close_m).any())
+
+
+def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float, is_past: bool) -> Box:
     """Draw the line of sight from the dot of a stop to its tag; return what its head covers."""
     shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
     first, tip = (1.0 - shares) * start + shares * end
-    axes.plot(*zip(first, end, strict=True), **SIGHT, zorder=1.9)
+    axes.plot(*zip(first, end, strict=True), **(SIGHT | PAST if is_past else SIGHT), zorder=1.9)
     return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
 
@@ -416,7 +438,7 @@ def _box_beside(
     places, asides = stop + ahead * offsets, np.where(offsets.real > 0.0, np.abs(offsets.imag), np.inf)
     side_m = math.sqrt(math.pi) * PLATE_SHARE * disc_m  # of a square with the area of the number
     boxes = np.array([(each.real, each.imag, side_m, side_m) for each in places])
-    costs = overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
+    costs = 2.0 * overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
     robots_m, ways_m = (
         np.abs(places[:, None] - each).min(axis=1, initial=np.inf) for each in (stops[~is_here], ways)
     )
