@@ -98,7 +98,8 @@ def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(dra
         left = places.keys() - ({read, lost} if has_cross else {read})
         assert list(zip(*dots.get_data(), strict=True)) == [places[each] for each in places if each in left]
         crosses = [each for each in axes.collections if each.get_offsets().tolist() == [[*places[lost]]]]
-        assert (len(crosses), lost in [text.get_text() for text in axes.texts]) == (has_cross, True)
+        label = lost if has_cross else f'{lost}: no\nsensor'
+        assert (len(crosses), label in [text.get_text() for text in axes.texts]) == (has_cross, True)
 
 
 def test_tags_with_the_same_value_are_all_named_and_ringed(drawn):
@@ -161,9 +162,8 @@ def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layou
     failed.append(visit('10', 'UNREACHABLE', f'pose 1: {detail}; pose 2: {detail}') | {'goal': [0.9, 5.1]})
     tag_file = write_layout(dict.fromkeys(('1', '7', '9', '10', 'A3'), (1.0, 1.0)))
     Path(tag_file).rename(tmp_path / 'report-tag_locations.json')
-    texts = texts_in(drawn(visit('1', co2=1.0), *failed))
-    text = ' '.join(map(str.strip, texts)).replace(' :', ':')  # in lines of some length
-    assert 'goal not reached' in texts
+    texts = texts_in(drawn(visit('1', co2=1.0), *failed))  # in lines of some length
+    assert 'goal not reached' in (text := ' '.join(map(str.strip, texts)).replace(' :', ':'))
     reason = 'no path to 0.90,\u00a05.10\u00a0m (Nav2 code 208)'  # a position is on one line
     assert f'Tags 7, 9 and A3 unreachable: {reason} Tag 10 unreachable: pose 1: {reason}' in text
 
@@ -181,8 +181,7 @@ def test_a_clock_of_the_greenhouse_that_is_faster_is_told(speed, gap_seconds, to
     """The clock wraps each day, so it can have passed more days than it shows."""
     rows = rows_at((second, float(second * speed % 86_400)) for second in range(0, 50, gap_seconds))
     assert speed_text(rows) == (f'at about {told}\u00d7 real time' if told else '')
-    text = 'The clock of the greenhouse moves 30 min at a time.' * ((speed, gap_seconds) == (1800, 1))
-    assert clock_text(rows) == text
+    assert ('moves 30 min at a time' in clock_text(rows)) == ((speed, gap_seconds) == (1800, 1))
 
 
 def test_times_of_several_days_say_so():
@@ -213,8 +212,7 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     figure = drawn(file=report)
     assert 'the robot drove 7.0 m' in texts_in(figure)
     way = [0.5, 0.5], [0.5, -3.5], [3.5, -3.5]
-    lines = [line.get_xydata().tolist() for line in figure.axes[0].lines]
-    assert any(all(each in points for each in way) for points in lines)
+    assert any(all(each in line.get_xydata().tolist() for each in way) for line in figure.axes[0].lines)
     assert figure.axes[0].get_title() == 'route'
     assert figure.axes[0].get_ylim()[0] < -3.5
 

@@ -55,7 +55,7 @@ KEY: Style = {
     'handlelength': 1.4,
     'columnspacing': 0.8,
 }
-MOST_NAMED = 30  # tags in a line of failures
+MOST_NAMED, MOST_EXPLAINED = 30, 3  # tags in a line of failures, and failed ones without a sensor
 NO_BREAK = '\xa0'  # a space
 KEY_COLUMNS = 2
 
@@ -244,11 +244,10 @@ def _draw_readings(
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
-    labels += [
-        (tag_id, dots[tag_id], colours.FAILED if tag_id in failed else '0.35')
-        for tag_id in shown.failed
-        if tag_id in tags
-    ]
+    labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
+    if len(shown.failed) <= MOST_EXPLAINED:
+        without = [each for each in shown.failed if each in tags and each not in failed]
+        labels += [(f'{each}: no\nsensor', dots[each], '0.35') for each in without]
     _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -346,7 +345,7 @@ def _marks_of_values(shown: Greenhouse, sensors: list[str]) -> list[tuple[str, d
     return [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([('lowest, highest', RING)] if has_extremes else []),
-        *([] if has_all else [('no such sensor' if is_complete else 'no value', WITHOUT)]),
+        *([] if has_all else [('no sensor' if is_complete else 'no value', WITHOUT)]),
         *([(_word_of(shown.failed), CROSS)] if has_crosses else []),
         *(_marks_of_tables(shown) if not shown.route else []),
     ]
