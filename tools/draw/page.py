@@ -1,7 +1,7 @@
 """
 Draw the page of readings and the pictures of a mission, its route and one sensor, for the documents.
 
-    make mission DRIVE=1 ARGS="blocked:='1.9 4.4 2.1 4.6' max_poses:=1"   # the goal of tag 23 is occupied
+    make mission DRIVE=1 ARGS="blocked:='3.0 1.0 3.2 1.2' max_poses:=1 start_pose:='0.5 7.5 0.0'"
     make figure PAGE=1
 """
 
@@ -19,7 +19,7 @@ REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 MISSION = ROOT / 'monorepo/lupin_mission/doc'
 CUT = 'document.querySelector("#hint").remove(); document.querySelector("#table").getBoundingClientRect().top'
-WIDTH, DETAIL, BORDER, SENSOR = 358, 2, '#8c959f', 'temperature'  # as on a phone, in pixels of the page
+WIDTH, DETAIL, BORDER, SENSOR = 326, 2, '#8c959f', 'temperature'  # as on a phone, in pixels of the page
 
 
 def main() -> int:

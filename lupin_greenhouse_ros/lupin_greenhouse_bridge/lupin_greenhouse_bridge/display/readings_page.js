@@ -632,7 +632,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
       const [point] = points, is_near = p => Math.abs(p.from - point.x) < 3 && Math.abs(p.y - point.y) < APART;
       const other = lone.findLast(is_near);
       point.from = point.x;
-      if (other) point.x = other.x + Math.sqrt(APART ** 2 - (other.y - point.y) ** 2);
+      if (other) point.x = other.x + APART;
       lone.push(point);
       if (other) svg.classList.add('beside');
     }
