@@ -79,6 +79,8 @@ TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
 PAST: Style = {'linestyle': (0, (3.0, 2.0))}
+SAME_SHARE = 0.05  # of a line of sight, in which another stop is at the same place
+ASIDE = 'stop with its number aside; two numbers:\nthe robot turns to read two tags'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
 CROWDED_STOP = (
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
@@ -305,7 +307,7 @@ def draw_route(
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
     dot_m = DOT_SHARE * math.hypot(*digits) / 2
-    are_past = [_is_past(line, [pose[:2] for pose, _ in stops], 3.0 * dot_m) for _, line in stops]
+    are_past = [_is_past(line, [pose[:2] for pose, _ in stops], robot_radius_m) for _, line in stops]
     heads = [
         _draw_sight(axes, *line, scale, dot_m, is_past)
         for (_, line), is_past in zip(stops, are_past, strict=True)
@@ -339,16 +341,16 @@ def draw_route(
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
-        **({'crowded stop (two numbers: it turns there)': CROWDED_STOP} if beside else {}),
+        **({ASIDE: CROWDED_STOP} if beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
-        **({'heading past another stop': AIMED_PAST} if any(are_past) else {}),
+        **({'the same, through the ring of another stop': AIMED_PAST} if any(are_past) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= _marks_of_map(occupancy) if occupancy is not None else {}
-    figure.set_figheight(height + 1.2 + 0.215 * len(marks))
+    figure.set_figheight(height + 1.2 + 0.215 * (len(marks) + bool(beside)))
     write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
@@ -363,11 +365,11 @@ def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
 
 
 def _is_past(line: tuple[Point, Point], stops: Sequence[Point], close_m: float) -> bool:
-    """Return whether a line of sight passes another stop than its own as close as this."""
-    steps = np.array([complex(x, y) for x, y, _ in steps_of(line, close_m / 2)])
-    places = np.array([complex(*stop) for stop in stops])
-    others = places[np.abs(places - complex(*line[0])) > close_m]
-    return bool((np.abs(steps[:, None] - others) < close_m).any())
+    """Return whether a line of sight passes ahead of its stop as close as this to another one."""
+    (start, end), places = (complex(*each) for each in line), np.array([complex(*stop) for stop in stops])
+    offsets = (places - start) / (end - start)
+    is_ahead = (offsets.real > SAME_SHARE) & (offsets.real < 1.0)
+    return bool((is_ahead & (np.abs(offsets.imag) * abs(end - start) < close_m)).any())
 
 
 def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float, is_past: bool) -> Box:
