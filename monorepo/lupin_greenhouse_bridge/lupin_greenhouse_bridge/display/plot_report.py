@@ -24,7 +24,7 @@ from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.runtime.output import said_if_slow
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
+from lupin_greenhouse_bridge.units import clock_time, label_of, name_of, value_text
 
 # In inches: from the left of a panel to that of the next one, between them, and of all columns.
 SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
@@ -56,9 +56,8 @@ KEY: Style = {
     'handlelength': 1.4,
     'columnspacing': 0.8,
 }
-MOST_NAMED, MOST_EXPLAINED = 30, 3  # tags in a line of failures, and failed ones without a sensor
+MOST_NAMED = 30  # tags in a line of failures
 NO_BREAK = '\xa0'  # a space
-KEY_COLUMNS = 2
 
 
 @dataclass(frozen=True)
@@ -146,19 +145,21 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     has_ways = bool(shown.route or failed)
     figure = Figure()
     FigureCanvasAgg(figure)  # measures texts
-    keys = [(_marks_of_ways(shown), ABOVE_MAP)] * has_ways + [(_marks_of_values(shown, sensors), ABOVE_BAR)]
+    keys = [_marks_of_ways(shown)] * has_ways + [_marks_of_values(shown, sensors)]
+    key_columns = [2] * has_ways + [min(len(sensors), 2)]
     # Below a title, beside those of a bar: two about the values, and the rows of a key.
-    lines = [-(-len(marks) // KEY_COLUMNS) + 2 * (above == ABOVE_BAR) for marks, above in keys]
-    lines += [2] * (len(sensors) + has_ways - len(lines))
+    lines = [-(-len(marks) // columns) for marks, columns in zip(keys, key_columns, strict=True)]
+    lines = [*lines[:-1], 2 + lines[-1], *[2] * (len(sensors) - 1)]
     panels = _panels_of(figure, max(lines), len(lines), shown, most_columns)
+    above = [ABOVE_MAP] * has_ways + [ABOVE_BAR]
     if panels[0].get_gridspec().ncols > 1:
-        lines = [max(lines)] * len(lines)
+        lines, above = [max(lines)] * len(lines), [ABOVE_BAR] * len(above)
     if has_ways:
         _draw_ways(panels[0], shown, lines[0])
     for axes, sensor, count in zip(panels[has_ways:], sensors, lines[has_ways:], strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor], count)
-    for axes, (marks, above) in zip(panels, keys, strict=False):
-        _write_key(axes, shown, marks, above)
+    for axes, marks, columns, points in zip(panels, keys, key_columns, above, strict=False):
+        _write_key(axes, shown, marks, columns, points)
     _write_texts(panels[0].title, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
@@ -246,9 +247,7 @@ def _draw_readings(
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
     labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
-    if len(shown.failed) <= MOST_EXPLAINED:
-        without = [each for each in shown.failed if each in tags and each not in failed]
-        labels += [(f'{each}: no\nsensor', dots[each], '0.35') for each in without]
+    labels += [(each, dots[each], '0.35') for each in shown.failed if each in tags and each not in failed]
     _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -288,7 +287,7 @@ def _write_labels(
 
     size, bounds, boxes = LABELS.times(shown.scale), box_of(shown.walls), list[Box]()
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': POINTS, 'path_effects': outline, 'zorder': 4}
+    style: Style = {'fontsize': POINTS, 'path_effects': outline}
     solid = np.reshape([*dots, *taken], (-1, 4))
     solid[: len(dots), 2:] += shown.scale * AWAY_M
     for text, dot, colour in labels:
@@ -296,6 +295,7 @@ def _write_labels(
         is_near = (apart_m - solid[:, 2:] / 2 < reach_m).all(axis=1) & apart_m.any(axis=1)
         near = [dot, *map(Box._make, solid[is_near].tolist()), *boxes]
         style['weight'] = 'bold' if colour == colours.FAILED else 'normal'
+        style['zorder'] = 1.4 if colour == colours.ROUTE else 4  # below the route, which it would cut
         boxes += drawings.write_labels(axes, [(text, dot, colour)], size, near, bounds, **style)
     return boxes
 
@@ -325,13 +325,15 @@ def _places_of(tag_ids: Iterable[str], shown: Greenhouse) -> Any:
     return np.reshape([shown.layout.tags[tag_id][:2] for tag_id in tag_ids], (-1, 2)).T
 
 
-def _write_key(axes: Any, shown: Greenhouse, marks: list[tuple[str, drawings.Mark]], above: float) -> None:
+def _write_key(
+    axes: Any, shown: Greenhouse, marks: list[tuple[str, drawings.Mark]], columns: int, above: float
+) -> None:
     """Write what each mark means, these points above the left wall of a panel."""
     from matplotlib.transforms import offset_copy
 
     place = {'loc': 'lower left', 'bbox_to_anchor': (_left_of(axes, shown), 1.0), **KEY}
     place['bbox_transform'] = offset_copy(axes.transAxes, axes.figure, y=above, units='points')
-    drawings.write_key(axes, marks, columns=KEY_COLUMNS, **place).set_in_layout(False)
+    drawings.write_key(axes, marks, columns=columns, **place).set_in_layout(False)
 
 
 def _marks_of_values(shown: Greenhouse, sensors: list[str]) -> list[tuple[str, drawings.Mark]]:
@@ -343,10 +345,12 @@ def _marks_of_values(shown: Greenhouse, sensors: list[str]) -> list[tuple[str, d
     )
     has_all = all({*sensors} <= {*shown.readings.get(tag_id, ())} for tag_id in tags)
     has_crosses = any({*sensors} & {*tags[each].sensors} for each in shown.failed if each in tags)
+    name = name_of(sensors[0]) if len(sensors) == 1 else 'such'
+    without = f'no {name} sensor' if is_complete else 'no value'
     return [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([('lowest, highest', RING)] if has_extremes else []),
-        *([] if has_all else [('no sensor' if is_complete else 'no value', WITHOUT)]),
+        *([] if has_all else [(without, WITHOUT)]),
         *([(_word_of(shown.failed), CROSS)] if has_crosses else []),
         *(_marks_of_tables(shown) if not shown.route else []),
     ]

@@ -97,8 +97,7 @@ def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(dra
         left = places.keys() - ({read, lost} if has_cross else {read})
         assert list(zip(*dots.get_data(), strict=True)) == [places[each] for each in places if each in left]
         crosses = [each for each in axes.collections if each.get_offsets().tolist() == [[*places[lost]]]]
-        label = lost if has_cross else f'{lost}: no\nsensor'
-        assert (len(crosses), label in [text.get_text() for text in axes.texts]) == (has_cross, True)
+        assert (len(crosses), lost in [text.get_text() for text in axes.texts]) == (has_cross, True)
 
 
 def test_tags_with_the_same_value_are_all_named_and_ringed(drawn):
