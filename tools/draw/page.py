@@ -19,7 +19,7 @@ REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 MISSION = ROOT / 'monorepo/lupin_mission/doc'
 CUT = 'document.querySelector("#hint").remove(); document.querySelector("#table").getBoundingClientRect().top'
-WIDTH, DETAIL, BORDER, SENSOR = 326, 2, '#8c959f', 'temperature'  # as on a phone, in pixels of the page
+WIDTH, DETAIL, BORDER, SENSOR = 358, 2, '#8c959f', 'temperature'  # as on a phone, in pixels of the page
 
 
 def main() -> int:

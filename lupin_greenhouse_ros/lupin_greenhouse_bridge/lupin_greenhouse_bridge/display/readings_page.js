@@ -175,14 +175,15 @@ const parts = ({ box, leader }) => [box, ...leader];
 
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
 // this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, may
-// be nearer to another of the `dots`, and may lie where other labels are planned, which `weight` makes dear.
+// be nearer to another of the `dots`, and may lie where other labels are planned, which `weight` makes dear. It is
+// beside, above or below its dot, slanting, or at `more` places, in shares of the distance aside and above.
 // At both ends of a text is an empty `pad`.
 function place_label({ x, y, radius, width, pad = 0 }, boxes_around, weight = 25) {
-  const { taken, room, route, dots = [], plans = new Map() } = boxes_around;
+  const { taken, room, route, dots = [], more = [], plans = new Map() } = boxes_around;
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
-  const ring = (dx, dy) =>
-    [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...[[0.5, -1], [1, 0.75], [1, 0.4]].flatMap(at => mirrored(at, dx, dy))];
+  const slants = [...more, [0.5, -1], [1, 0.75], [1, 0.4]], ring = (dx, dy) =>
+    [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...slants.flatMap(at => mirrored(at, dx, dy))];
   const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
   const planned = [...plans.values()].flatMap(each => [...parts(each), wide(each.box)]);
   const [boxes, steps, others] = [taken, route, planned]
@@ -203,7 +204,7 @@ function place_label({ x, y, radius, width, pad = 0 }, boxes_around, weight = 25
       const is_at_stop = nearer.some(dot => !dot.outer);
       const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
       const cost = 9999 * (covered > 1) + 99 * covered + 9 * shared_by(place, steps) + weight * shared_by(place, others)
-        + (0.2 * far + 0.8 * is_misread + 0.6 * is_at_stop + 0.1 * is_close + 0.1 * (number > 3) + 0.005 * number)
+        + (0.2 * far + 0.8 * is_misread + 0.35 * is_at_stop + 0.1 * is_close + 0.1 * (number > 3) + 0.005 * number)
         * area;
       if (cost < best.cost) best = { ...place, cost, covered, has_leader: far > 0 || is_misread };
     });
@@ -313,8 +314,11 @@ function draw_map() {
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
-    route: [...data.route, ...data.stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
-    dots: [...dots, ...data.stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))],
+    route: [
+      ...[...data.route, ...data.stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+      ...data.arrows.map(([x, y]) => around(frame.x(x), frame.y(y), 6, 6)),
+    ],
+    dots: [...dots, ...data.stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))], more: [[0.25, -1]],
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label({ x: frame.x(x), y: frame.y(y), radius: 5, width: width_of(word) + 16 }, boxes);
