@@ -2,10 +2,12 @@
 
 import io
 import itertools
+import queue
 import re
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import jobs
 import pytest
@@ -104,8 +106,9 @@ def test_jobs_without_a_failed_test_or_a_log_fail_with_their_reason(tmp_path, ca
     assert printed.endswith('failed: full: /dev/full: No space left on device\n')
 
 
-def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, capsys):
-    path, entered = tmp_path / 'lock', threading.Event()
+def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, monkeypatch):
+    path, entered, written = tmp_path / 'lock', threading.Event(), queue.SimpleQueue()
+    monkeypatch.setattr('sys.stderr', SimpleNamespace(write=written.put, flush=lambda: None))
 
     def enter():
         with jobs.locked(path, 'build'):
@@ -114,8 +117,7 @@ def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, capsys):
     with jobs.locked(path, 'build'):
         waiting = threading.Thread(target=enter)
         waiting.start()
-        while not (text := capsys.readouterr().err):
-            assert waiting.is_alive()
-    assert text == 'build: waiting for another make, which is at work here\n'
+        assert written.get(timeout=60.0) == 'build: waiting for another make, which is at work here'
+        assert not entered.is_set()
     waiting.join()
     assert entered.is_set()
