@@ -79,14 +79,15 @@ ROBOT = (
 TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
-PAST: Style = {'linestyle': (0, (3.0, 2.0))}
+PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
+HALO_SHARE = 1.7  # of a dot
 SAME_SHARE = 0.05  # of a line of sight, in which another stop is at the same place
 ASIDE = 'stop with its number aside; two numbers:\nthe robot turns to read two tags'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
 CROWDED_STOP = (
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
-    point_style(r'$\mathbf{8}$', colours.ROUTE, 6, markeredgewidth=0),
+    point_style(r'$\mathbf{9}$', colours.ROUTE, 6, markeredgewidth=0),
 )
 
 
@@ -117,11 +118,7 @@ DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
 PLATE: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 2.05}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
-SMALL_DOT: Style = {
-    'facecolor': colours.ROUTE,
-    'linewidth': 0,
-    'zorder': 1.85,
-}  # below the headings of others
+HALO: Style = {'facecolor': 'white', 'linewidth': 0, 'zorder': 1.91}  # a gap in the headings of others
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -406,13 +403,14 @@ def _draw_stops(
         is_near = np.abs(points - stops[number - 1]) < disc_m
         is_near &= (numbers != 0) & (numbers != number)
         stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
-        dot_m, style = disc_m, DISC_OF_NUMBER
+        dot_m = disc_m
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m, style = DOT_SHARE * disc_m, SMALL_DOT
+            dot_m = DOT_SHARE * disc_m
+            axes.add_patch(Circle(pose[:2], HALO_SHARE * dot_m, **HALO))
             crowded.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, **style))
+        axes.add_patch(Circle(pose[:2], dot_m, **DISC_OF_NUMBER))
         solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
     for number in crowded:
         around = [*taken, *solid, *beside]
