@@ -239,8 +239,7 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
 
 def test_work_without_steps_is_told_of_only_if_it_is_slow(monkeypatch):
     written = queue.SimpleQueue()
-    stream = SimpleNamespace(write=written.put, flush=lambda: None, isatty=lambda: False)
-    monkeypatch.setattr(sys, 'stderr', stream)
+    monkeypatch.setattr(sys, 'stderr', SimpleNamespace(write=written.put, flush=bool, isatty=bool))
     with said_if_slow('plot_report', 'drawing', seconds=3600.0):
         pass
     assert written.empty()

@@ -147,9 +147,11 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     FigureCanvasAgg(figure)  # measures texts
     keys = [_marks_of_ways(shown)] * has_ways + [_marks_of_values(shown, sensors)]
     key_columns = [2] * has_ways + [min(len(sensors), 2)]
-    # Below a title, beside those of a bar: two about the values, and the rows of a key.
+    # Below a title, beside those of a bar: two about the values, one of times, and the rows of a key.
+    times = {row.sim_time_of_day_seconds for each in readings.values() for row in each.values()}
+    about = 2 + (len(times) > 1)
     lines = [-(-len(marks) // columns) for marks, columns in zip(keys, key_columns, strict=True)]
-    lines = [*lines[:-1], 2 + lines[-1], *[2] * (len(sensors) - 1)]
+    lines = [*lines[:-1], about + lines[-1], *[about] * (len(sensors) - 1)]
     panels = _panels_of(figure, max(lines), len(lines), shown, most_columns)
     above = [ABOVE_MAP] * has_ways + [ABOVE_BAR]
     if panels[0].get_gridspec().ncols > 1:
@@ -211,7 +213,8 @@ def _draw_ways(axes: Any, shown: Greenhouse, lines: int) -> None:
         (width_m, height_m), (x0, y0, x1, _) = LABELS.times(shown.scale).box(word), shown.walls
         x = min(max(end.x, x0 + width_m / 2), x1 - width_m / 2)  # so that all of it can be below
         is_low = end.y - y0 < end.height / 2 + height_m
-        ends.append((word, end if is_low else end._replace(x=x), colours.ROUTE))
+        above = end._replace(x=x, height=1.3 * end.height)
+        ends.append((word, end if is_low else above, colours.ROUTE))
     way = [Box(x, y, gap_m, gap_m) for each in (route, *sights) for x, y, _ in steps_of(each, gap_m)]
     tables = (box_of(Walls(*table)) for table in shown.layout.tables.values())
     goals = [Box(*goal, gap_m, gap_m) for goal, _ in sights]
@@ -234,8 +237,10 @@ def _draw_readings(
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
-    count = pluralized(len(values), 'tag') if len(values) < len(shown.readings) else ''
-    _write_title(axes, shown, label_of(sensor), '\n'.join(text for text, _ in extremes), lines, count)
+    count = f'{len(values)} of {pluralized(len(tags), "tag")}' if len(values) < len(tags) else ''
+    times = summary.times_text([each[sensor] for each in shown.readings.values() if sensor in each])
+    more = '\n'.join(filter(None, [*(text for text, _ in extremes), times]))
+    _write_title(axes, shown, label_of(sensor), more, lines, count)
     _draw_dots(axes, [each for each in tags if each not in {*values, *failed}], shown, WITHOUT)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     points = axes.scatter(*_places_of(values, shown), c=list(values.values()), zorder=5, snap=False, **style)
@@ -247,7 +252,6 @@ def _draw_readings(
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
     labels += [(tag_id, dots[tag_id], colours.FAILED) for tag_id in failed]
-    labels += [(each, dots[each], '0.35') for each in shown.failed if each in tags and each not in failed]
     _write_labels(axes, labels, [*dots.values()], [], shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
     ticks, extend = MaxNLocator(5, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
@@ -269,7 +273,7 @@ def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int
     above = ABOVE_LINES + LINE * lines
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
-    beside = axes.annotate(count, (1, 0), (7, 0.7), xycoords=first, va='bottom', **style)
+    beside = axes.annotate(count, (1, 0), (6, 0.7), xycoords=first, va='bottom', **style | {'fontsize': 8})
     below = axes.annotate(more, (left, 1), (0, above - 5), xycoords='axes fraction', va='top', **style)
     renderer = axes.figure.canvas.get_renderer()
     for texts in ((first, beside), (below,)):
