@@ -122,8 +122,7 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(dr
         around = bar.get_tightbbox(figure.canvas.get_renderer()).padded(figure.dpi * 0.1)
         for each in (*(panel.title for panel in panels), panels[0].get_legend()):
             assert not around.overlaps(each.get_window_extent())
-        low, high = bar.get_xlim()
-        ticks = [each for each in bar.get_xticks() if low <= each <= high]
+        ticks = [each for each in bar.get_xticks() if bar.get_xlim()[0] <= each <= bar.get_xlim()[1]]
         step = ticks[1] - ticks[0]
         assert f'{step:.0e}'[0] in '125'
         assert [each / step for each in ticks] == pytest.approx([round(each / step) for each in ticks])
