@@ -90,8 +90,7 @@ def test_what_is_the_same_is_told_once(drawn):
 
 
 def test_each_panel_has_the_unread_tags_and_the_cross_of_one_with_its_sensor(drawn, shipped_tags):
-    places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
-    read, lost, *_ = places
+    read, lost, *_ = places = {tag_id: (tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
     values = {each: float(each in shipped_tags[lost]['sensors']) for each in UNITS}
     panels = [axes for axes in drawn(visit(read, **values), visit(lost, 'TIMEOUT')).axes if axes.get_title()]
     for axes, has_cross in zip(panels, [1.0, *values.values()], strict=True):

@@ -80,9 +80,9 @@ TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
 PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
-HALO_SHARE = 1.7  # of a dot
-SAME_SHARE = 0.05  # of a line of sight, in which another stop is at the same place
-ASIDE = 'stop with its number aside; two numbers:\nthe robot turns to read two tags'
+# In dots, how close a line of sight is to a stop that it is led around, and how far; and a stop at its place.
+LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 2.2, 0.05
+ASIDE = 'stop, its number beside it; two numbers\nat one dot: the robot turns there'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
 CROWDED_STOP = (
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
@@ -118,7 +118,6 @@ DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
 PLATE: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 2.05}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
-HALO: Style = {'facecolor': 'white', 'linewidth': 0, 'zorder': 1.91}  # a gap in the headings of others
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
 NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
 
@@ -305,17 +304,14 @@ def draw_route(
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
     dot_m = DOT_SHARE * math.hypot(*digits) / 2
-    are_past = [_is_past(line, [pose[:2] for pose, _ in stops], robot_radius_m) for _, line in stops]
-    heads = [
-        _draw_sight(axes, *line, scale, dot_m, is_past)
-        for (_, line), is_past in zip(stops, are_past, strict=True)
-    ]
+    sights = [_sight_around(*line, [pose[:2] for pose, _ in stops], dot_m) for _, line in stops]
+    heads = [_draw_sight(axes, sight, scale, dot_m) for sight in sights]
     are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
     has_room = math.hypot(*digits) < robot_m
     side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
     robots = [Box(*pose[:2], side_m, side_m) for pose, _ in stops]
-    ways = [route.points_m, *(line for _, line in stops)]
+    ways = [route.points_m, *sights]
     lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
     marked = [*heads, *(dot for _, dot, _ in labels)]
@@ -341,7 +337,7 @@ def draw_route(
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
         **({ASIDE: CROWDED_STOP} if beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
-        **({'the same, through the ring of another stop': AIMED_PAST} if any(are_past) else {}),
+        **({'the same, led around another stop': AIMED_PAST} if any(map(_is_led, sights)) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
         'tag and its id': TAG_AND_ID,
     }
@@ -362,20 +358,35 @@ def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
     }
 
 
-def _is_past(line: tuple[Point, Point], stops: Sequence[Point], close_m: float) -> bool:
-    """Return whether a line of sight passes ahead of its stop as close as this to another one."""
-    (start, end), places = (complex(*each) for each in line), np.array([complex(*stop) for stop in stops])
-    offsets = (places - start) / (end - start)
+def _sight_around(start: Point, end: Point, stops: Sequence[Point], dot_m: float) -> list[Point]:
+    """Return the line of sight from a stop to its tag, with a bend if it is too close to another stop."""
+    line, here = complex(*end) - complex(*start), complex(*start)
+    offsets = np.array([(complex(*stop) - here) / line for stop in stops])
     is_ahead = (offsets.real > SAME_SHARE) & (offsets.real < 1.0)
-    return bool((is_ahead & (np.abs(offsets.imag) * abs(end - start) < close_m)).any())
+    close = offsets[is_ahead & (np.abs(offsets.imag) * abs(line) < LED_NEAR * dot_m)]
+    if not close.size:
+        return [start, end]
+    shares = np.linspace(0.0, 1.0, 13)
+    side = -1j if close[0].imag > 0.0 else 1j
+    bend = here + line * (shares + side * LED_ASIDE * dot_m / abs(line) * 4 * shares * (1 - shares))
+    return [(float(each.real), float(each.imag)) for each in bend]
 
 
-def _draw_sight(axes: Any, start: Point, end: Point, scale: float, dot_m: float, is_past: bool) -> Box:
+def _is_led(sight: Sequence[Point]) -> bool:
+    return len(sight) > 2
+
+
+def _draw_sight(axes: Any, sight: Sequence[Point], scale: float, dot_m: float) -> Box:
     """Draw the line of sight from the dot of a stop to its tag; return what its head covers."""
-    shares = np.array([[dot_m], [math.dist(start, end) - scale * BEFORE_TAG_M]]) / math.dist(start, end)
-    first, tip = (1.0 - shares) * start + shares * end
-    axes.plot(*zip(first, end, strict=True), **(SIGHT | PAST if is_past else SIGHT), zorder=1.9)
-    return draw_head(axes, start, tip, scale * HEAD_M, colours.TAG_ID, edge=0.0)
+    steps = list(steps_of(sight, dot_m / 4))
+    points = [(x, y) for x, y, _ in steps if math.dist((x, y), sight[0]) >= dot_m]
+    axes.plot(
+        *zip(*points, sight[-1], strict=True), **(SIGHT | PAST if _is_led(sight) else SIGHT), zorder=1.9
+    )
+    far = (each for each in reversed(points) if math.dist(each, sight[-1]) > scale * HEAD_M)
+    behind, tag = next(far, sight[0]), np.array(sight[-1])
+    x, y = tag - scale * BEFORE_TAG_M * (tag - behind) / math.dist(tag, behind)
+    return draw_head(axes, behind, (x, y), scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
 
 def _draw_stops(
@@ -406,7 +417,6 @@ def _draw_stops(
         dot_m = disc_m
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
             dot_m = DOT_SHARE * disc_m
-            axes.add_patch(Circle(pose[:2], HALO_SHARE * dot_m, **HALO))
             crowded.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
@@ -430,7 +440,7 @@ def _box_beside(
     It is around the stop, or on the line of sight; beside this line, if another stop is at the same place.
     Stops and points of ways are complex numbers.
     """
-    stop, tag = (complex(*end) for end in sight)
+    stop, tag = complex(*sight[0]), complex(*sight[-1])
     ahead, last = disc_m * (tag - stop) / abs(tag - stop), abs(tag - stop) / disc_m - 2.0
     is_here = np.abs(stops - stop) < disc_m
     around = AROUND if is_here.sum() == 1 else AROUND[AROUND.real > np.abs(AROUND) / 2]
