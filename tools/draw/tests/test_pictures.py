@@ -293,7 +293,7 @@ def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
         assert min(math.dist(stop, center) for center in robots) < 0.01
         close_m = 0.03 if tag_id in {'9', '30'} else 0.001  # which are led around another stop
         for along in (tip - stop, tip - back):
-            assert tag - tip == pytest.approx(0.052 * along / np.linalg.norm(along), abs=close_m)
+            assert tag - tip == pytest.approx(0.046 * along / np.linalg.norm(along), abs=close_m)
     assert not filled(axes, Wedge)
     assert not drawings.draw_robots(axes, [(ApproachPose(1.0, 2.0, 0.5, 1.0, 0.0), (2.0, 2.0))], 0.2)
     (nose,) = filled(axes, Wedge)

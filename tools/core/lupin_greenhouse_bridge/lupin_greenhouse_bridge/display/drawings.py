@@ -45,7 +45,7 @@ VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 ROUTE_ZOOM, ROUTE_DPI = 1.15, 126  # the first is of the marks and the texts, if tags are few
 HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
-HEAD_M, BEFORE_TAG_M = 0.15, 0.045  # its scale on a line of sight, and where it ends
+HEAD_M, BEFORE_TAG_M = 0.115, 0.04  # its scale on a line of sight, and where it ends
 SHORT_ARROW_M = 0.15  # that an arrow of the route needs between two stops
 HALF_HEAD = 0.42  # from the middle to the tip of an arrow of a path, in lengths that it needs
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
@@ -61,6 +61,7 @@ def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
 
 BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
+OBSTACLE_TABLE = '#d3d9e1'  # for which a route has its bends
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
@@ -80,7 +81,7 @@ DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
 PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
 # In dots, how close a line of sight is to a stop that it is led around, and how far; and a stop at its place.
-LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 2.2, 0.05
+LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 1.7, 0.05
 ASIDE = 'stop, its number beside it; two numbers\nat one dot: the robot turns there'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
 CROWDED_STOP = (
@@ -296,7 +297,7 @@ def draw_route(
     axes = figure.add_subplot(anchor='N')  # all the room that is left is for the key
     if occupancy is not None:
         _draw_map(axes, occupancy)
-    draw_greenhouse(axes, layout, walls)
+    draw_greenhouse(axes, layout, walls, TABLE | {'facecolor': OBSTACLE_TABLE})
     axes.set_ylabel('y (m)')
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
@@ -336,11 +337,11 @@ def draw_route(
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
         **({ASIDE: CROWDED_STOP} if beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
-        **({'the same, led around another stop': AIMED_PAST} if any(map(_is_led, sights)) else {}),
+        **({'the same, drawn bent to clear another stop': AIMED_PAST} if any(map(_is_led, sights)) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
         'tag and its id': TAG_AND_ID,
     }
-    marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
+    marks |= {'table': point_style('s', OBSTACLE_TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= _marks_of_map(occupancy) if occupancy is not None else {}
     figure.set_figheight(height + 1.2 + 0.215 * (len(marks) + bool(beside)))
