@@ -83,9 +83,12 @@ AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markere
 PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
 # In dots, how close a line of sight is to a stop that it is led around, and how far; and a stop at its place.
 LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 1.7, 0.05
-ASIDE = 'stop, its number beside it; two numbers\nat one dot: the robot turns there'
+SHARED = 1.4  # by what a dot of several stops is larger
+ASIDE = 'stop, its number beside it; two at one dot:\nthe robot turns, each is on its heading'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
+RING_ASIDE = np.transpose([1.1 * np.cos(TURN) - 1.5, 1.1 * np.sin(TURN)])
 CROWDED_STOP = (
+    point_style(RING_ASIDE, f'{INK}10', 28, markeredgecolor=f'{INK}80', markeredgewidth=0.7),
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
     point_style(r'$\mathbf{9}$', colours.ROUTE, 6, markeredgewidth=0),
@@ -417,7 +420,7 @@ def _draw_stops(
         stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
         dot_m = disc_m
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m = DOT_SHARE * disc_m
+            dot_m = DOT_SHARE * disc_m * (SHARED if (stops_m < disc_m).any() else 1.0)
             crowded.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
