@@ -83,14 +83,18 @@ PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
 # In dots, how close a line of sight is to a stop that it is led around, and how far; and a stop at its place.
 LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 1.7, 0.05
 SHARED = 1.4  # by what a dot of several stops is larger
-ASIDE = 'stop, its number beside it; two at one dot:\nthe robot turns, each is on its heading'
 AIMED_PAST = SIGHT | PAST, AIMED[1]
+PLATE_ASIDE = np.transpose([0.8 * np.cos(TURN) + 1.5, 0.8 * np.sin(TURN)])
 RING_ASIDE = np.transpose([1.1 * np.cos(TURN) - 1.5, 1.1 * np.sin(TURN)])
 CROWDED_STOP = (
     point_style(RING_ASIDE, f'{INK}10', 28, markeredgecolor=f'{INK}80', markeredgewidth=0.7),
     point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
     point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
     point_style(r'$\mathbf{9}$', colours.ROUTE, 6, markeredgewidth=0),
+)
+TWO_STOPS = (
+    point_style('o', colours.ROUTE, 4, markeredgewidth=0),
+    *(point_style(side * PLATE_ASIDE, 'white', 24, markeredgecolor=colours.ROUTE) for side in (-1, 1)),
 )
 
 
@@ -324,21 +328,22 @@ def draw_route(
     if route.points_m:
         draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
     taken = [*lines, *marked, *robots, *beside]
-    bounds = box_of(walls)
-    end_m = max(END_M, robot_m)
+    bounds, end_m = box_of(walls), max(END_M, robot_m)
+    are_shared = len(join_stops([pose[:2] for pose, _ in stops], DOT_SHARE * robot_radius_m)) < len(stops)
     ends = [
         (word, Box(x, y, end_m, end_m), colours.ROUTE)
         for word, (x, y, *_) in ends_of_path(route.points_m).items()
     ]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
-    taken += [Box(*pose[:2], robot_m + line_m, robot_m + line_m) for pose, _ in stops]
+    taken += [Box(*pose[:2], robot_m, robot_m) for pose, _ in stops]
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
     marks: dict[str, Mark] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
-        **({ASIDE: CROWDED_STOP} if beside else {}),
+        **({'stop, its number beside it': CROWDED_STOP} if beside else {}),
+        **({'two stops at one place: the robot turns': TWO_STOPS} if are_shared and beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
         **({'the same, drawn bent to clear another stop': AIMED_PAST} if any(map(_is_led, sights)) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
@@ -347,7 +352,7 @@ def draw_route(
     marks |= {'table': point_style('s', OBSTACLE_TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= _marks_of_map(occupancy) if occupancy is not None else {}
-    figure.set_figheight(height + 1.2 + 0.215 * (len(marks) + bool(beside)))
+    figure.set_figheight(height + 1.2 + 0.215 * len(marks))
     write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
