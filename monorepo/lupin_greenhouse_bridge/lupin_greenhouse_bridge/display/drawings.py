@@ -353,8 +353,9 @@ def draw_route(
     marks |= {'table': point_style('s', OBSTACLE_TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= _marks_of_map(occupancy) if occupancy is not None else {}
-    figure.set_figheight(height + 1.2 + 0.215 * len(marks))
-    write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6)  # below the label of the x axis
+    figure.set_figheight(height + 1.2 + 0.24 * len(marks))
+    # Below the label of the x axis.
+    write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6, labelspacing=0.7)
     return figure
 
 
