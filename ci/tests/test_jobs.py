@@ -115,8 +115,7 @@ def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, monkeypatch):
             entered.set()
 
     with jobs.locked(path, 'build'):
-        waiting = threading.Thread(target=enter)
-        waiting.start()
+        (waiting := threading.Thread(target=enter)).start()
         assert written.get(timeout=60.0) == 'build: waiting for another make, which is at work here'
     waiting.join()
     assert entered.is_set()

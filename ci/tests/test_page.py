@@ -356,6 +356,7 @@ def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
     assert cells[2 : 2 + len(warm)] == warm[::-1]
     reasons = page.evaluate("[...document.querySelectorAll('td[colspan]')].map(each => each.textContent)")
     assert reasons == [f'timeout: {name_of(tags[each].sensors[0])} not read' for each in cells[:2]]
+    assert page.evaluate("document.querySelector('table').innerText").split().count('read') == 2
 
 
 @pytest.mark.parametrize('do_differ', [True, False])

@@ -253,15 +253,15 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     for text in ids + rings:
         box = boxes[text].padded(-2)
         assert sum(way.intersects_bbox(box, filled=False) for way in ways) <= (text in rings)
-    marks = [*places.values(), *(disc.center for disc in filled(axes, Circle) if disc.radius < 0.2)]
-    sizes = [0.04] * len(tags) + [disc.radius for disc in filled(axes, Circle) if disc.radius < 0.2]
+    marks = [*places.values(), *(disc.center for disc in filled(axes, Circle))]
+    sizes = [0.04] * len(tags) + [min(disc.radius, 0.15) for disc in filled(axes, Circle)]
     for text in ids:  # each is nearest to its own tag
         low, high = axes.transData.inverted().transform(boxes[text])
         gaps = np.hypot(*(np.clip(marks, low, high) - marks).T) - sizes
         assert list(places)[gaps.argmin()] == text.get_text()
     paths = [np.array([*placing.steps_of(line.get_xydata(), 0.01)])[:, :2] for line in sights]
     for number in (each.get_position() for each in rings):
-        assert sorted(np.hypot(*(each - number).T).min() for each in paths)[1] > 0.17
+        assert sorted(np.hypot(*(each - number).T).min() for each in paths)[1] > 0.18
 
 
 @pytest.mark.parametrize('radius_m', [0.2, 0.08])
@@ -280,7 +280,7 @@ def test_the_number_of_each_stop_is_at_its_dot_or_on_its_heading_or_has_a_line_t
             else:
                 away_m, *each_m = (math.dist(place, each[:2]) for each in (pose, *approaches.poses.values()))
                 is_ahead = place == pytest.approx(drawings.ahead_of(pose, away_m))
-                assert is_ahead or away_m == min(each_m) < 0.3
+                assert is_ahead or away_m == min(each_m) < 0.22
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):

@@ -106,9 +106,9 @@ const dates_in_table = [...new Set(last_stamps.map(date))];
 const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 'read');
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
-// Returns the names of the sensors that a tag has and that were not read.
-const lost_of = tag =>
-  new Intl.ListFormat('en-GB').format(data.sensors.filter(each => each.failed[tag.number]).map(each => each.name));
+// Returns the names of the sensors that a failed tag has.
+const list = new Intl.ListFormat('en-GB');
+const lost_of = tag => list.format(data.sensors.filter(each => each.failed[tag.number]).map(each => each.name));
 
 // The head
 

@@ -72,6 +72,7 @@ class Greenhouse:
     readings: dict[str, dict[str, Row]]  # the last rows by tag id and sensor, of tags that did not fail
     failed: dict[str, str]  # why not, in a word, by tag id
     goals: dict[str, Point]  # where the robot could not stand, by the id of a failed tag
+    has_times: bool  # whether tags were read at different times of day
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -140,7 +141,11 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     is_wide = width_m / scale * INCHES_PER_M > SMALLEST_PANEL
     scale /= 1.0 if is_wide else ONE_COLUMN_ZOOM if most_columns == 1 else ZOOM
     inches = width_m / scale * INCHES_PER_M, height_m / scale * INCHES_PER_M
-    shown = Greenhouse(layout, recording.walls, scale, inches, recording.route, readings, failed, goals)
+    times = {clock_time(row.sim_time_of_day_seconds) for each in readings.values() for row in each.values()}
+    has_times = len(times) > 1
+    shown = Greenhouse(
+        layout, recording.walls, scale, inches, recording.route, readings, failed, goals, has_times
+    )
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure()
@@ -148,8 +153,7 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     keys = [_marks_of_ways(shown)] * has_ways + [_marks_of_values(shown, sensors)]
     key_columns = [2] * has_ways + [min(len(sensors), 2)]
     # Below a title, beside those of a bar: two about the values, one of times, and the rows of a key.
-    times = {row.sim_time_of_day_seconds for each in readings.values() for row in each.values()}
-    about = 2 + (len(times) > 1)
+    about = 2 + has_times
     lines = [-(-len(marks) // columns) for marks, columns in zip(keys, key_columns, strict=True)]
     lines = [*lines[:-1], about + lines[-1], *[about] * (len(sensors) - 1)]
     panels = _panels_of(figure, max(lines), len(lines), shown, most_columns)
@@ -233,8 +237,7 @@ def _draw_readings(
     from matplotlib.ticker import MaxNLocator
 
     tags, (low, high) = shown.layout.tags, limits
-    failed = [each for each in shown.failed if each in tags and sensor in tags[each].sensors]
-    values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
+    failed, values = _crosses_of(sensor, shown), _values_of(sensor, shown)
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     count = f'{len(values)} of {pluralized(len(tags), "tag")}' if len(values) < len(tags) else ''
@@ -309,6 +312,16 @@ def _boxes_of(sides_m: dict[str, float], shown: Greenhouse) -> dict[str, Box]:
     return {tag_id: Box(*shown.layout.tags[tag_id][:2], side, side) for tag_id, side in sides.items()}
 
 
+def _values_of(sensor: str, shown: Greenhouse) -> dict[str, float]:
+    return {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
+
+
+def _crosses_of(sensor: str, shown: Greenhouse) -> list[str]:
+    """Return the failed tags that have this sensor."""
+    tags = shown.layout.tags
+    return [each for each in shown.failed if each in tags and sensor in tags[each].sensors]
+
+
 def _unread_of(shown: Greenhouse) -> list[str]:
     return [each for each in shown.layout.tags if each not in {*shown.readings, *shown.failed}]
 
@@ -342,19 +355,17 @@ def _write_key(
 
 def _marks_of_values(shown: Greenhouse, sensors: list[str]) -> list[tuple[str, drawings.Mark]]:
     """Return what the panels of these sensors have."""
-    tags, found = shown.layout.tags, shown.readings.values()
     is_complete = not _unread_of(shown) and summary.is_complete(shown.readings, sensors, shown.layout)
-    has_extremes = any(
-        len({each[sensor].value for each in found if sensor in each}) > 1 for sensor in sensors
-    )
-    has_all = all({*sensors} <= {*shown.readings.get(tag_id, ())} for tag_id in tags)
-    has_crosses = any({*sensors} & {*tags[each].sensors} for each in shown.failed if each in tags)
+    drawn = [(each, _values_of(each, shown), _crosses_of(each, shown)) for each in sensors]
+    has_rings = any(len(summary.extremes_of(sensor, values)) > 1 for sensor, values, _ in drawn)
+    has_dots = any(len(values) + len(crosses) < len(shown.layout.tags) for _, values, crosses in drawn)
+    has_crosses = any(crosses for *_, crosses in drawn)
     name = name_of(sensors[0]) if len(sensors) == 1 else 'such'
     without = f'no {name} sensor' if is_complete else 'no value'
     return [
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        *([('lowest, highest', RING)] if has_extremes else []),
-        *([] if has_all else [(without, WITHOUT)]),
+        *([('lowest, highest', RING)] if has_rings else []),
+        *([(without, WITHOUT)] if has_dots else []),
         *([(_word_of(shown.failed), CROSS)] if has_crosses else []),
         *(_marks_of_tables(shown) if not shown.route else []),
     ]
@@ -419,8 +430,7 @@ def _write_texts(
     greenhouse = f'{summary.greenhouse_times(between)} {summary.speed_text(rows)}'.rstrip()
     lines += _lines_of([(greenhouse, '0.35'), (when, '0.35')], figure, small)
     _write_lines(title, lines, title, 1.0, 12)
-    has_times = len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1
-    rest = [summary.SEVERAL_TIMES * has_times, escaped(name, 64)]
+    rest = [summary.SEVERAL_TIMES * shown.has_times, escaped(name, 64)]
     texts = ([(text, '0.35')] for text in rest if text)
     lines = [line for text in texts for line in _lines_of(text, figure, {'fontsize': 9})]
     _write_lines(title, lines, figure.transFigure, 0.0, -8)

@@ -16,6 +16,7 @@ ROUTE, FAILED = '#3d6fa8', '#b3261e'
 TAG_ID = '0.35'
 OBSTACLE, UNKNOWN_PART = '#e69f00', '0.7'  # in the map of the room
 TABLE = '#e3e6ea'  # without an edge, which would cross the labels
+ROUTE_TABLE = '#d3d9e1'  # where it is an obstacle that a route goes around
 SMALLEST_SPAN = 0.1  # of colours without a range in the config
 
 

@@ -61,7 +61,6 @@ def point_style(marker: Any, colour: str, size: float, **more: Any) -> Style:
 
 BAR_POINTS = 20, 30  # of a scale of colours, above its axes
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
-OBSTACLE_TABLE = '#d3d9e1'  # for which a route has its bends
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
@@ -79,11 +78,11 @@ ROBOT = (
 TURN = np.linspace(0.0, 2 * math.pi, 20)
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
-PAST: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
-# In dots, how close a line of sight is to a stop that it is led around, and how far; and a stop at its place.
-LED_NEAR, LED_ASIDE, SAME_SHARE = 3.0, 1.7, 0.05
+BENT: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
+BEND_NEAR, BEND_BY = 3.0, 1.7  # in dots: how close a line of sight is to a stop, and how far it is bent away
+PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 SHARED = 1.4  # by what a dot of several stops is larger
-AIMED_PAST = SIGHT | PAST, AIMED[1]
+AIMED_BENT = SIGHT | BENT, AIMED[1]
 PLATE_ASIDE = np.transpose([0.8 * np.cos(TURN) + 1.5, 0.8 * np.sin(TURN)])
 RING_ASIDE = np.transpose([1.1 * np.cos(TURN) - 1.5, 1.1 * np.sin(TURN)])
 CROWDED_STOP = (
@@ -256,7 +255,7 @@ def draw_robots(axes: Any, stops: Sequence[tuple[ApproachPose, Point]], radius_m
     from matplotlib.patches import Circle, Wedge
 
     noses = []
-    for place, *_ in join_stops([pose[:2] for pose, _ in stops], DOT_SHARE * radius_m).values():
+    for place, *_ in join_stops([pose[:2] for pose, _ in stops], PLACE_SHARE * radius_m).values():
         axes.add_patch(Circle(place, radius_m, **SEE_THROUGH, zorder=1.7))
     for pose, tag in stops:
         to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
@@ -304,14 +303,14 @@ def draw_route(
     axes = figure.add_subplot(anchor='N')  # all the room that is left is for the key
     if occupancy is not None:
         _draw_map(axes, occupancy)
-    draw_greenhouse(axes, layout, walls, TABLE | {'facecolor': OBSTACLE_TABLE})
+    draw_greenhouse(axes, layout, walls, TABLE | {'facecolor': colours.ROUTE_TABLE})
     axes.set_ylabel('y (m)')
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
     stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
     digits = DIGITS.times(scale).box(str(len(stops)))
-    dot_m = DOT_SHARE * math.hypot(*digits) / 2
-    sights = [_sight_around(*line, [pose[:2] for pose, _ in stops], dot_m) for _, line in stops]
+    dot_m, place_m = DOT_SHARE * math.hypot(*digits) / 2, PLACE_SHARE * robot_radius_m
+    sights = [_sight_around(*line, [pose[:2] for pose, _ in stops], dot_m, place_m) for _, line in stops]
     heads = [_draw_sight(axes, sight, scale, dot_m) for sight in sights]
     are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
@@ -329,7 +328,7 @@ def draw_route(
         draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
     taken = [*lines, *marked, *robots, *beside]
     bounds, end_m = box_of(walls), max(END_M, robot_m)
-    are_shared = len(join_stops([pose[:2] for pose, _ in stops], DOT_SHARE * robot_radius_m)) < len(stops)
+    are_shared = len(join_stops([pose[:2] for pose, _ in stops], place_m)) < len(stops)
     ends = [
         (word, Box(x, y, end_m, end_m), colours.ROUTE)
         for word, (x, y, *_) in ends_of_path(route.points_m).items()
@@ -345,11 +344,11 @@ def draw_route(
         **({'stop, its number beside it': CROWDED_STOP} if beside else {}),
         **({'two stops at one place: the robot turns': TWO_STOPS} if are_shared and beside else {}),
         ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
-        **({'the same, drawn bent to clear another stop': AIMED_PAST} if any(map(_is_led, sights)) else {}),
+        **({'the same, drawn bent to clear another stop': AIMED_BENT} if any(map(_is_bent, sights)) else {}),
         **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
         'tag and its id': TAG_AND_ID,
     }
-    marks |= {'table': point_style('s', OBSTACLE_TABLE, 9)} if layout.tables else {}
+    marks |= {'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= _marks_of_map(occupancy) if occupancy is not None else {}
     figure.set_figheight(height + 1.2 + 0.24 * len(marks))
@@ -367,21 +366,23 @@ def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
     }
 
 
-def _sight_around(start: Point, end: Point, stops: Sequence[Point], dot_m: float) -> list[Point]:
+def _sight_around(
+    start: Point, end: Point, stops: Sequence[Point], dot_m: float, place_m: float
+) -> list[Point]:
     """Return the line of sight from a stop to its tag, with a bend if it is too close to another stop."""
     line, here = complex(*end) - complex(*start), complex(*start)
     offsets = np.array([(complex(*stop) - here) / line for stop in stops])
-    is_ahead = (offsets.real > SAME_SHARE) & (offsets.real < 1.0)
-    close = offsets[is_ahead & (np.abs(offsets.imag) * abs(line) < LED_NEAR * dot_m)]
+    is_ahead = (offsets.real * abs(line) > place_m) & (offsets.real < 1.0)
+    close = offsets[is_ahead & (np.abs(offsets.imag) * abs(line) < BEND_NEAR * dot_m)]
     if not close.size:
         return [start, end]
     shares = np.linspace(0.0, 1.0, 13)
     side = -1j if close[0].imag > 0.0 else 1j
-    bend = here + line * (shares + side * LED_ASIDE * dot_m / abs(line) * 4 * shares * (1 - shares))
+    bend = here + line * (shares + side * BEND_BY * dot_m / abs(line) * 4 * shares * (1 - shares))
     return [(float(each.real), float(each.imag)) for each in bend]
 
 
-def _is_led(sight: Sequence[Point]) -> bool:
+def _is_bent(sight: Sequence[Point]) -> bool:
     return len(sight) > 2
 
 
@@ -390,7 +391,7 @@ def _draw_sight(axes: Any, sight: Sequence[Point], scale: float, dot_m: float) -
     steps = list(steps_of(sight, dot_m / 4))
     points = [(x, y) for x, y, _ in steps if math.dist((x, y), sight[0]) >= dot_m]
     axes.plot(
-        *zip(*points, sight[-1], strict=True), **(SIGHT | PAST if _is_led(sight) else SIGHT), zorder=1.9
+        *zip(*points, sight[-1], strict=True), **(SIGHT | BENT if _is_bent(sight) else SIGHT), zorder=1.9
     )
     far = (each for each in reversed(points) if math.dist(each, sight[-1]) > scale * HEAD_M)
     behind, tag = next(far, sight[0]), np.array(sight[-1])
@@ -425,7 +426,7 @@ def _draw_stops(
         stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
         dot_m = disc_m
         if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m = DOT_SHARE * disc_m * (SHARED if (stops_m < disc_m).any() else 1.0)
+            dot_m = DOT_SHARE * disc_m * (SHARED if (stops_m < PLACE_SHARE * radius_m).any() else 1.0)
             crowded.append(number)
         else:
             axes.text(*pose[:2], number, **NUMBER)
@@ -451,7 +452,7 @@ def _box_beside(
     """
     stop, tag = complex(*sight[0]), complex(*sight[-1])
     ahead, last = disc_m * (tag - stop) / abs(tag - stop), abs(tag - stop) / disc_m - 2.0
-    is_here = np.abs(stops - stop) < disc_m
+    is_here = np.abs(stops - stop) < PLACE_SHARE * radius_m
     around = AROUND if is_here.sum() == 1 else AROUND[AROUND.real > np.abs(AROUND) / 2]
     offsets = np.append(np.linspace(BESIDE, max(BESIDE, last), 17), around)
     places, asides = stop + ahead * offsets, np.where(offsets.real > 0.0, np.abs(offsets.imag), np.inf)
