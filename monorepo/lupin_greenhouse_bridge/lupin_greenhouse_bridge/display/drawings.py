@@ -2,6 +2,7 @@
 """Draw the greenhouse, its approach poses and a route. Imports matplotlib only to draw, and never ROS."""
 
 import io
+import itertools
 import math
 import os
 from collections.abc import Collection, Sequence
@@ -19,9 +20,11 @@ from lupin_greenhouse_bridge.display.placing import (
     Point,
     arrows_between,
     box_of,
+    crossing_of,
     ends_of_path,
     overlaps,
     place_labels,
+    place_rows,
     steps_of,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -36,20 +39,17 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
-# In radii of a disc with a number: how close stops are crowded, their dots, their numbers, and how far apart
-# these are. And where a number can be around its dot, as complex numbers: the line of sight is at 1, 2, ...
-CROWDED, DOT_SHARE, PLATE_SHARE, BESIDE = 2.6, 0.2, 0.92, 1.4
-AROUND = np.multiply.outer((1.4, 1.6, 1.8, 2.1), np.exp(1j * np.radians(range(30, 331, 15)))).ravel()
 JOINED_M = 0.25  # stops of small robots that are closer share a label
-TAG_M, UNREACHABLE_M = 0.1, 0.19
+TAG_M, UNREACHABLE_M = 0.12, 0.2
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-ROUTE_ZOOM, ROUTE_DPI = 1.15, 126  # the first is of the marks and the texts, if tags are few
+ROUTE_ZOOM, ROUTE_DPI = 1.15, 252  # the first is of the marks and the texts, if tags are few
 HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
 HEAD_M, BEFORE_TAG_M = 0.115, 0.04  # its scale on a line of sight, and where it ends
-SHORT_ARROW_M = 0.15  # that an arrow of the route needs between two stops
+SHORT_ARROW_M = 0.17  # that an arrow of the route needs between two stops
 HALF_HEAD = 0.42  # from the middle to the tip of an arrow of a path, in lengths that it needs
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
+Sight = tuple[Point, Point]  # a line of sight: from a stop to its tag
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
@@ -66,35 +66,28 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-# In the key, as all until CROWDED_STOP.
+SIGHT_GAP_M = 0.05  # where a nearer one crosses it
+PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
+# In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,3$', colours.TAG_ID, 14, markeredgewidth=0)
 DISC = point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7)
 TURNED = DISC, point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0)
-ROBOT = (
-    DISC,
-    point_style('o', colours.ROUTE, 11),
+STOP = (
+    point_style('o', colours.ROUTE, 11, markeredgewidth=0),
     point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
 )
-TURN = np.linspace(0.0, 2 * math.pi, 20)
+TURN = np.linspace(0.0, 2 * math.pi, 40)
+HALF_TURN = np.exp(0.5j * (TURN - math.pi))
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
-BENT: Style = {'linestyle': (0, (2.5, 1.5)), 'linewidth': 1.0}
-BEND_NEAR, BEND_BY = 3.0, 1.7  # in dots: how close a line of sight is to a stop, and how far it is bent away
-PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
-SHARED = 1.4  # by what a dot of several stops is larger
-AIMED_BENT = SIGHT | BENT, AIMED[1]
-PLATE_ASIDE = np.transpose([0.8 * np.cos(TURN) + 1.5, 0.8 * np.sin(TURN)])
-RING_ASIDE = np.transpose([1.1 * np.cos(TURN) - 1.5, 1.1 * np.sin(TURN)])
-CROWDED_STOP = (
-    point_style(RING_ASIDE, f'{INK}10', 28, markeredgecolor=f'{INK}80', markeredgewidth=0.7),
-    point_style(-DOT_ASIDE, colours.ROUTE, 20, markeredgewidth=0),
-    point_style('o', 'white', 11, markeredgecolor=colours.ROUTE),
-    point_style(r'$\mathbf{9}$', colours.ROUTE, 6, markeredgewidth=0),
-)
-TWO_STOPS = (
-    point_style('o', colours.ROUTE, 4, markeredgewidth=0),
-    *(point_style(side * PLATE_ASIDE, 'white', 24, markeredgecolor=colours.ROUTE) for side in (-1, 1)),
+SEVEN = np.add([(-4, 5), (4, 5), (4, 3), (0, -5), (-2, -5), (2, 3), (-4, 3)], (-4, 9))
+AIMED_FROM = *AIMED, point_style(SEVEN, colours.ROUTE, 18, markeredgewidth=0)
+ROW = np.concatenate([HALF_TURN + 0.9, -HALF_TURN - 0.9])
+STOPS_AT_ONE_PLACE = (
+    DISC,
+    point_style(np.transpose([ROW.real, ROW.imag]), colours.ROUTE, 21, markeredgewidth=0),
+    point_style(r'$\mathbf{7\;8}$', 'white', 13, markeredgewidth=0),
 )
 
 
@@ -118,15 +111,22 @@ class LabelSize(NamedTuple):
         return LabelSize(*(scale * each for each in self))
 
 
+KEY_INCHES, KEY_ROW_INCHES = 1.5, 0.27  # below a route: the height without rows, and of a row
+KEY_BELOW: Style = {
+    'borderaxespad': 3.6,  # so it is below the label of the x axis
+    'labelspacing': 1.1,
+    'columnspacing': 1.2,
+    'handlelength': 1.7,
+    'handletextpad': 0.6,
+}
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 # Of the number at a robot's centre, and of the id of a tag.
-DIGITS, IDS = LabelSize(0.088, 0.0, 0.15), LabelSize(0.088, 0.04, 0.17)
+DIGITS, IDS = LabelSize(0.082, 0.0, 0.115), LabelSize(0.088, 0.01, 0.15)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-PLATE: Style = {'facecolor': 'white', 'edgecolor': colours.ROUTE, 'linewidth': 1.2, 'zorder': 2.05}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
-NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.9 * POINTS, 'zorder': 5, **CENTRED}
+NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.85 * POINTS, 'zorder': 5, **CENTRED}
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -256,8 +256,8 @@ def draw_robots(axes: Any, stops: Sequence[tuple[ApproachPose, Point]], radius_m
     from matplotlib.patches import Circle, Wedge
 
     noses = []
-    for place, *_ in join_stops([pose[:2] for pose, _ in stops], PLACE_SHARE * radius_m).values():
-        axes.add_patch(Circle(place, radius_m, **SEE_THROUGH, zorder=1.7))
+    for first, *_ in group_stops([pose[:2] for pose, _ in stops], PLACE_SHARE * radius_m):
+        axes.add_patch(Circle(stops[first][0][:2], radius_m, **SEE_THROUGH, zorder=1.4))
     for pose, tag in stops:
         to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
         if math.cos(pose.yaw - to_tag) < math.cos(math.radians(ASIDE_DEGREES)):
@@ -308,53 +308,54 @@ def draw_route(
     axes.set_ylabel('y (m)')
     title = f'A route of {route.length_m:.1f} m past {len(poses)} of {len(layout.tags)} tags'
     axes.set_title(title, fontsize=1.2 * POINTS, weight='bold')
-    stops = [(poses[each], (poses[each][:2], layout.tags[each][:2])) for each in route.tag_ids]
-    digits = DIGITS.times(scale).box(str(len(stops)))
-    dot_m, place_m = DOT_SHARE * math.hypot(*digits) / 2, PLACE_SHARE * robot_radius_m
-    sights = [_sight_around(*line, [pose[:2] for pose, _ in stops], dot_m, place_m) for _, line in stops]
-    heads = [_draw_sight(axes, sight, scale, dot_m) for sight in sights]
-    are_facing = draw_robots(axes, [(pose, tag) for pose, (_, tag) in stops], robot_radius_m)
+    stops = [(poses[each], layout.tags[each][:2]) for each in route.tag_ids]
+    sights = [(pose[:2], tag) for pose, tag in stops]
+    are_facing = draw_robots(axes, stops, robot_radius_m)
     robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
-    has_room = math.hypot(*digits) < robot_m
     side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
-    robots = [Box(*pose[:2], side_m, side_m) for pose, _ in stops]
-    ways = [route.points_m, *sights]
-    lines = [Box(x, y, line_m, line_m) for way in ways for x, y, _ in steps_of(way, line_m)]
+    robots = [Box(*place, side_m, side_m) for place, _ in sights]
+    places = group_stops([place for place, _ in sights], PLACE_SHARE * robot_radius_m)
+    disc_m = math.hypot(*DIGITS.times(scale).box(str(len(stops)))) / 2
+    has_room = disc_m < robot_radius_m
+    numbers = _draw_numbers(axes, places, sights, route.points_m, disc_m) if has_room else robots
+    seen = [_sight_from(number, *sight) for number, sight in zip(numbers, sights, strict=True)]
+    heads = [_draw_sight(axes, sight, seen, scale) for sight in seen]
+    path = _path_through(numbers, places, sights, route.points_m)
+    lines = [Box(x, y, line_m, line_m) for way in (path, *sights) for x, y, _ in steps_of(way, line_m)]
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    marked = [*heads, *(dot for _, dot, _ in labels)]
-    solid, beside = robots, list[Box]()
-    if has_room:
-        solid, beside = _draw_stops(axes, [pose for pose, _ in stops], ways, digits, robot_radius_m, marked)
-    if route.points_m:
-        draw_path(axes, route.points_m, solid, scale * SHORT_ARROW_M)
-    taken = [*lines, *marked, *robots, *beside]
+    if path:
+        draw_path(axes, path, numbers, scale * SHORT_ARROW_M)
+    taken = [*lines, *heads, *(dot for _, dot, _ in labels), *robots, *numbers]
     bounds, end_m = box_of(walls), max(END_M, robot_m)
-    are_shared = len(join_stops([pose[:2] for pose, _ in stops], place_m)) < len(stops)
-    ends = [
-        (word, Box(x, y, end_m, end_m), colours.ROUTE)
-        for word, (x, y, *_) in ends_of_path(route.points_m).items()
-    ]
+    ends = [(word, Box(x, y, end_m, end_m), colours.ROUTE) for word, (x, y, *_) in ends_of_path(path).items()]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
-    taken += [Box(*pose[:2], robot_m, robot_m) for pose, _ in stops]
+    unclear = _unclear(places, sights, 1.2 * disc_m) if has_room else []
+    for at in unclear:
+        taken.append(
+            _write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(0.9 * scale), taken)
+        )
+    taken += [Box(*place, robot_m, robot_m) for place, _ in sights]
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
-        _write_numbers_beside(axes, [pose[:2] for pose, _ in stops], robot_radius_m, scale, taken, bounds)
+        _write_numbers_beside(axes, [place for place, _ in sights], robot_radius_m, scale, taken, bounds)
+    is_aside = any(
+        math.dist(each[:2], place) > disc_m / 4 for each, (place, _) in zip(numbers, sights, strict=True)
+    )
+    heading = 'heading to tag' if are_facing else 'to tag'
     marks: dict[str, Mark] = {
-        'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        f'stop; ring: the robot, radius {robot_radius_m:g} m': ROBOT if has_room else DISC,
-        **({'stop, its number beside it': CROWDED_STOP} if beside else {}),
-        **({'two stops at one place: the robot turns': TWO_STOPS} if are_shared and beside else {}),
-        ('heading, ' if are_facing else '') + 'to the tag that it reads': AIMED,
-        **({'the same, drawn bent to clear another stop': AIMED_BENT} if any(map(_is_bent, sights)) else {}),
-        **({} if are_facing else {'heading, if it is not to the tag': TURNED}),
+        'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
+        'stop and line, moved\naside where crowded' if is_aside else 'stop': STOP,
+        **({'stops at one place': STOPS_AT_ONE_PLACE} if has_room and len(places) < len(stops) else {}),
         'tag and its id': TAG_AND_ID,
+        **({f'{heading}\n(blue: its stop)': AIMED_FROM} if unclear else {heading: AIMED}),
+        **({} if are_facing else {'heading not to tag': TURNED}),
+        f'robot in its exact\nplace, radius {robot_radius_m:g} m': DISC,
+        **({'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}),
+        **({'tag without a pose': UNREACHABLE} if approaches.unreachable else {}),
+        **(_marks_of_map(occupancy) if occupancy is not None else {}),
     }
-    marks |= {'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}
-    marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
-    marks |= _marks_of_map(occupancy) if occupancy is not None else {}
-    figure.set_figheight(height + 1.2 + 0.24 * len(marks))
-    # Below the label of the x axis.
-    write_key(axes, list(marks.items()), columns=1, borderaxespad=3.6, labelspacing=0.7)
+    figure.set_figheight(height + KEY_INCHES + KEY_ROW_INCHES * math.ceil(len(marks) / 2))
+    write_key(axes, list(marks.items()), columns=2, **KEY_BELOW)
     return figure
 
 
@@ -367,134 +368,127 @@ def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
     }
 
 
-def _sight_around(
-    start: Point, end: Point, stops: Sequence[Point], dot_m: float, place_m: float
+def _sight_from(number: Box, place: Point, tag: Point) -> Sight:
+    """Return a line of sight from its place or, if the number is behind it, from beside the number."""
+    here, ahead = complex(*place), complex(*tag) - complex(*place)
+    behind = min(0.0, ((complex(*number[:2]) - here) / ahead).real)
+    start = here + behind * ahead
+    return (start.real, start.imag), tag
+
+
+def _draw_sight(axes: Any, sight: Sight, sights: Sequence[Sight], scale: float) -> Box:
+    """
+    Draw a line of sight; return what its head covers.
+
+    It has a gap where it crosses another line that is there nearer to its start.
+    """
+    start, tag = np.array(sight)
+    ahead = (tag - start) / (length_m := math.dist(*sight))
+    crossings = (crossing_of(sight, other) for other in sights)
+    gaps_m = sorted(each[0] for each in crossings if each and each[1] < each[0])
+    half_m = scale * SIGHT_GAP_M / 2
+    ends_m = [0.0, *(end_m for gap_m in gaps_m for end_m in (gap_m - half_m, gap_m + half_m)), length_m]
+    for piece in zip(ends_m[::2], ends_m[1::2], strict=True):
+        axes.plot(*np.transpose([start + end_m * ahead for end_m in piece]), **SIGHT, zorder=1.9)
+    x, y = tag - scale * BEFORE_TAG_M * ahead
+    return draw_head(axes, sight[0], (float(x), float(y)), scale * HEAD_M, colours.TAG_ID, edge=0.0)
+
+
+def _path_through(
+    numbers: Sequence[Box], places: Sequence[Sequence[int]], sights: Sequence[Sight], path: Sequence[Point]
 ) -> list[Point]:
-    """Return the line of sight from a stop to its tag, with a bend if it is too close to another stop."""
-    line, here = complex(*end) - complex(*start), complex(*start)
-    offsets = np.array([(complex(*stop) - here) / line for stop in stops])
-    is_ahead = (offsets.real * abs(line) > place_m) & (offsets.real < 1.0)
-    close = offsets[is_ahead & (np.abs(offsets.imag) * abs(line) < BEND_NEAR * dot_m)]
-    if not close.size:
-        return [start, end]
-    shares = np.linspace(0.0, 1.0, 13)
-    side = -1j if close[0].imag > 0.0 else 1j
-    bend = here + line * (shares + side * BEND_BY * dot_m / abs(line) * 4 * shares * (1 - shares))
-    return [(float(each.real), float(each.imag)) for each in bend]
+    """Return the path through the numbers of the stops, or through the middle of those of one place."""
+    middles = {}
+    for stops in places:
+        x, y = np.mean([numbers[at][:2] for at in stops], axis=0)
+        middles.update({sights[at][0]: (float(x), float(y)) for at in stops})
+    return [middles.get(point, point) for point in path]
 
 
-def _is_bent(sight: Sequence[Point]) -> bool:
-    return len(sight) > 2
+def _unclear(places: Sequence[Sequence[int]], sights: Sequence[Sight], near_m: float) -> list[int]:
+    """Return the stops whose line of sight needs its number: at a shared place, or on the line of another."""
+    unclear = {at for stops in places if len(stops) > 1 for at in stops}
+    for at, sight in enumerate(sights):
+        crossings = (crossing_of(sight, other) for other in sights)
+        unclear |= {at for each in crossings if each and each[0] < near_m}
+    return sorted(unclear)
 
 
-def _draw_sight(axes: Any, sight: Sequence[Point], scale: float, dot_m: float) -> Box:
-    """Draw the line of sight from the dot of a stop to its tag; return what its head covers."""
-    steps = list(steps_of(sight, dot_m / 4))
-    points = [(x, y) for x, y, _ in steps if math.dist((x, y), sight[0]) >= dot_m]
-    axes.plot(
-        *zip(*points, sight[-1], strict=True), **(SIGHT | BENT if _is_bent(sight) else SIGHT), zorder=1.9
-    )
-    far = (each for each in reversed(points) if math.dist(each, sight[-1]) > scale * HEAD_M)
-    behind, tag = next(far, sight[0]), np.array(sight[-1])
-    x, y = tag - scale * BEFORE_TAG_M * (tag - behind) / math.dist(tag, behind)
-    return draw_head(axes, behind, (x, y), scale * HEAD_M, colours.TAG_ID, edge=0.0)
-
-
-def _draw_stops(
-    axes: Any,
-    poses: Sequence[ApproachPose],
-    ways: Sequence[Sequence[Point]],
-    digits: tuple[float, float],
-    radius_m: float,
-    taken: Sequence[Box],
-) -> tuple[list[Box], list[Box]]:
-    """
-    Draw the number of each stop, of this size; the ways are the route, and then the line of sight of each.
-
-    A number is on a disc at its stop; or beside it, if another stop or its line of sight is too close. Return
-    the boxes of all that is drawn, and those of the numbers beside their stops.
-    """
-    from matplotlib.patches import Circle
-
-    disc_m = math.hypot(*digits) / 2
-    steps = [(complex(x, y), n) for n, way in enumerate(ways) for x, y, _ in steps_of(way, disc_m / 4)]
-    points, numbers = np.reshape(np.array(steps, complex), (-1, 2)).T
-    stops = np.array([complex(*pose[:2]) for pose in poses])
-    solid, beside, crowded = list[Box](), list[Box](), []
-    for number, pose in enumerate(poses, start=1):
-        is_near = np.abs(points - stops[number - 1]) < disc_m
-        is_near &= (numbers != 0) & (numbers != number)
-        stops_m = np.abs(np.delete(stops, number - 1) - stops[number - 1])
-        dot_m = disc_m
-        if is_near.any() or (stops_m < CROWDED * disc_m).any():
-            dot_m = DOT_SHARE * disc_m * (SHARED if (stops_m < PLACE_SHARE * radius_m).any() else 1.0)
-            crowded.append(number)
-        else:
-            axes.text(*pose[:2], number, **NUMBER)
-        axes.add_patch(Circle(pose[:2], dot_m, **DISC_OF_NUMBER))
-        solid.append(Box(*pose[:2], 2 * dot_m, 2 * dot_m))
-    for number in crowded:
-        around = [*taken, *solid, *beside]
-        box = _box_beside(ways[number], stops, points[numbers != number], around, disc_m, radius_m)
-        axes.add_patch(Circle(box[:2], PLATE_SHARE * disc_m, **PLATE))
-        axes.text(*box[:2], number, **NUMBER | {'color': colours.ROUTE})
-        beside.append(box)
-    return [*solid, *beside], beside
-
-
-def _box_beside(
-    sight: Sequence[Point], stops: Any, ways: Any, taken: Sequence[Box], disc_m: float, radius_m: float
+def _write_beside(
+    axes: Any, text: str, sight: Sight, from_m: float, size: LabelSize, taken: Sequence[Box]
 ) -> Box:
-    """
-    Return where a stop's number covers least, also of the robots at other stops, and is off other ways.
-
-    It is around the stop, or on the line of sight; beside this line, if another stop is at the same place.
-    Stops and points of ways are complex numbers.
-    """
-    stop, tag = complex(*sight[0]), complex(*sight[-1])
-    ahead, last = disc_m * (tag - stop) / abs(tag - stop), abs(tag - stop) / disc_m - 2.0
-    is_here = np.abs(stops - stop) < PLACE_SHARE * radius_m
-    around = AROUND if is_here.sum() == 1 else AROUND[AROUND.real > np.abs(AROUND) / 2]
-    offsets = np.append(np.linspace(BESIDE, max(BESIDE, last), 17), around)
-    places, asides = stop + ahead * offsets, np.where(offsets.real > 0.0, np.abs(offsets.imag), np.inf)
-    side_m = math.sqrt(math.pi) * PLATE_SHARE * disc_m  # of a square with the area of the number
-    boxes = np.array([(each.real, each.imag, side_m, side_m) for each in places])
-    costs = 2.0 * overlaps(boxes, np.array(taken)).sum(axis=1) / disc_m**2
-    robots_m, ways_m = (
-        np.abs(places[:, None] - each).min(axis=1, initial=np.inf) for each in (stops[~is_here], ways)
+    """Write the number of a stop beside its line of sight, where it is clearest; return its box."""
+    start, ahead = complex(*sight[0]), complex(*sight[1]) - complex(*sight[0])
+    ahead /= abs(ahead)
+    width, height = size.box(text)
+    aside_m = (
+        0.02
+        + (1 - 0.6 * abs(ahead.real * ahead.imag)) * (abs(ahead.imag) * width + abs(ahead.real) * height) / 2
     )
-    costs += 0.5 * np.clip(0.5 + (radius_m - robots_m) / (2 * disc_m), 0.0, 1.0)
-    costs += 2.0 * np.maximum(1.4 - ways_m / disc_m, 0.0) + 0.6 * np.abs(offsets)
-    costs += np.where(asides > 0.0, 0.2 + 2.0 * np.maximum(1.05 - asides, 0.0), 0.0)
-    costs += 0.1 * np.abs(offsets.imag)  # near the line of sight, or behind it
-    return Box(*boxes[costs.round(3).argmin()].tolist())
+    along_m = np.linspace(from_m + 0.06, math.dist(*sight) - 0.12, 9)
+    tries = start + ahead * np.add.outer(along_m, (1j * aside_m, -1j * aside_m)).ravel()
+    boxes = np.array([(each.real, each.imag, 1.6 * width, 1.6 * height) for each in tries])
+    x, y = boxes[overlaps(boxes, np.array(taken)).sum(axis=1).round(4).argmin(), :2].tolist()
+    axes.text(x, y, text, weight='bold', fontsize=0.75 * POINTS, color=colours.ROUTE, zorder=6, **CENTRED)
+    return Box(x, y, width, height)
+
+
+def _draw_numbers(
+    axes: Any,
+    places: Sequence[Sequence[int]],
+    sights: Sequence[Sight],
+    path: Sequence[Point],
+    disc_m: float,
+) -> list[Box]:
+    """Draw the number of each stop on a disc, and those of one place on one shape; return their boxes."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    yaws = [float(np.angle(complex(*tag) - complex(*place))) for place, tag in sights]
+    rows = place_rows(
+        [sights[first][0] for first, *_ in places],
+        [[yaws[at] for at in stops] for stops in places],
+        [*sights, *itertools.pairwise(path)],
+        disc_m,
+    )
+    boxes: dict[int, Box] = {}
+    for stops, centres in zip(places, rows, strict=True):
+        ends = complex(*centres[0]) - disc_m * HALF_TURN, complex(*centres[-1]) + disc_m * HALF_TURN
+        outline = Outline([(each.real, each.imag) for each in np.concatenate(ends)], closed=True)
+        axes.add_patch(PathPatch(outline, **DISC_OF_NUMBER))
+        for at, centre in zip(stops, centres, strict=True):
+            axes.text(*centre, at + 1, **NUMBER)
+            boxes[at] = Box(*centre, 2 * disc_m, 2 * disc_m)
+    return [boxes[at] for at in range(len(sights))]
 
 
 def _write_numbers_beside(
     axes: Any, stops: Sequence[Point], radius_m: float, scale: float, taken: Sequence[Box], bounds: Box
 ) -> None:
     """Write the numbers of stops beside small robots, each with a line to its robot."""
-    groups = join_stops(stops, scale * JOINED_M)
-    middles = {text: np.mean(group, axis=0) for text, group in groups.items()}
-    numbers = [(text, Box(x, y, 2 * radius_m, 2 * radius_m), 'white') for text, (x, y) in middles.items()]
+    groups = group_stops(stops, scale * JOINED_M)
+    numbers = []
+    for group in groups:
+        x, y = np.mean([stops[at] for at in group], axis=0)
+        text = ', '.join(str(at + 1) for at in group)
+        numbers.append((text, Box(x, y, 2 * radius_m, 2 * radius_m), 'white'))
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.5', 'color': colours.ROUTE}
     boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
-    for box, (text, _, _) in zip(boxes, numbers, strict=True):
-        for stop in groups[text]:
+    for box, group in zip(boxes, groups, strict=True):
+        for stop in (stops[at] for at in group):
             share = radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
             ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
             axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=1.65)
 
 
-def join_stops(stops: Sequence[Point], joined_m: float) -> dict[str, list[Point]]:
-    """Return the places of stops by their numbers; close stops share a text, such as `4, 5`."""
-    groups: list[tuple[list[str], list[Point]]] = []
-    for number, stop in enumerate(stops, start=1):
-        group = next((each for each in groups if math.dist(each[1][0], stop) < joined_m), ([], []))
-        groups += [] if group[0] else [group]
-        group[0].append(str(number))
-        group[1].append(stop)
-    return {', '.join(numbers): places for numbers, places in groups}
+def group_stops(stops: Sequence[Point], joined_m: float) -> list[list[int]]:
+    """Return the indices of stops that are close to the first of their group."""
+    groups: list[list[int]] = []
+    for at, stop in enumerate(stops):
+        group = next((each for each in groups if math.dist(stops[each[0]], stop) < joined_m), [])
+        groups += [] if group else [group]
+        group.append(at)
+    return groups
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:

@@ -4,7 +4,7 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,11 @@ PATH_WIDTH_M = 0.1  # that a label leaves to a path
 # its area.
 FAR_COST, NEARER_COST, BELOW_COST = 0.15, 0.05, 0.05
 END_M = 0.24  # the mark at an end of a path
+# In radii of the disc of a number: its distance from those of other places, from lines, from the next one in
+# its row, from its place, and from all that matters to it; and the places where it is tried.
+DISCS_APART, LINE_APART, NEXT_IN_ROW, FROM_PLACE, NEAR = 2.4, 1.35, 1.9, 1.4, 8.0
+TRIED = np.add.outer(np.linspace(-3.0, 3.0, 61), 1j * np.linspace(-3.0, 3.0, 61)).ravel()
+SWEEPS, MOVED_COST, ASIDE_COST = 6, 0.03, 0.08  # of a move by the radius, and of one aside of its heading
 Point = tuple[float, float]
 
 
@@ -89,6 +94,62 @@ def place_labels(
         taken[count] = best
         places.append((float(best[0]), float(best[1])))
     return places
+
+
+def place_rows(
+    places: Sequence[Point],
+    yaws: Sequence[Sequence[float]],
+    lines: Sequence[tuple[Point, Point]],
+    disc_m: float,
+) -> list[list[Point]]:
+    """
+    Return the centres of the discs at each place: a row of them, one for each of its headings.
+
+    A row covers or touches its place, and hides lines that do not begin or end there only if it must.
+    """
+    here = np.array([complex(*place) for place in places]) / disc_m
+    ends = np.reshape([complex(*end) for line in lines for end in line], (-1, 2)) / disc_m
+    rows = [
+        here[at] + NEXT_IN_ROW * (np.arange(len(each)) - (len(each) - 1) / 2) for at, each in enumerate(yaws)
+    ]
+    for at in SWEEPS * list(range(len(here))):
+        row = rows[at] - rows[at].mean()
+        tried = TRIED[gaps_to(np.zeros(1), TRIED + row[0], TRIED + row[-1]) <= FROM_PLACE]
+        discs = here[at] + (tried[:, None] + row)[..., None]
+        others = np.concatenate([np.zeros(0), *rows[:at], *rows[at + 1 :]])
+        apart = np.abs(discs - others[np.abs(others - here[at]) < NEAR]).min(axis=1)
+        is_near = np.abs(ends - here[at]).min(axis=1) > LINE_APART
+        is_near &= gaps_to(here[at], *ends.T) < NEAR
+        gaps = gaps_to(discs, *ends[is_near].T).min(axis=1)
+        costs = MOVED_COST * np.abs(tried) ** 2
+        costs += (np.maximum(DISCS_APART - apart, 0.0) ** 2).sum(axis=1)
+        costs += (np.maximum(LINE_APART - gaps, 0.0) ** 2).sum(axis=1)
+        if len(row) == 1:
+            costs += ASIDE_COST * (tried * np.exp(-1j * yaws[at][0])).imag ** 2
+        rows[at] = here[at] + tried[costs.round(6).argmin()] + row
+    return [[(disc_m * float(each.real), disc_m * float(each.imag)) for each in row] for row in rows]
+
+
+def crossing_of(line: tuple[Point, Point], other: tuple[Point, Point]) -> tuple[float, float] | None:
+    """Return the distances from the starts of two lines to where they cross; None if they do not."""
+    (start, end), (other_start, other_end) = ([complex(*each) for each in pair] for pair in (line, other))
+    ahead, other_ahead, between = end - start, other_end - other_start, other_start - start
+    if not (size := (ahead.conjugate() * other_ahead).imag):
+        return None
+    shares = [(between.conjugate() * each).imag / size for each in (other_ahead, ahead)]
+    return (
+        (shares[0] * abs(ahead), shares[1] * abs(other_ahead))
+        if 0.0 < min(shares) < max(shares) < 1.0
+        else None
+    )
+
+
+def gaps_to(points: Any, starts: Any, ends: Any) -> np.ndarray:
+    """Return the distances of points from lines, all given as arrays of complex numbers."""
+    lines = ends - starts
+    shares = ((points - starts) * np.conj(lines)).real / np.maximum(np.abs(lines) ** 2, 1e-12)
+    gaps: np.ndarray = np.abs(points - starts - np.clip(shares, 0.0, 1.0) * lines)
+    return gaps
 
 
 def steps_of(points: Sequence[Point], every_m: float) -> Iterator[tuple[float, float, float]]:
