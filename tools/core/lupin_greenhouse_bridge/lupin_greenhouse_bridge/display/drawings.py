@@ -65,7 +65,7 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-SIGHT_GAP_M = 0.05  # where a nearer one crosses it
+SIGHT_GAP_M = 0.044  # where a nearer one crosses it
 PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 # In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
@@ -114,9 +114,9 @@ KEY_INCHES, KEY_ROW_INCHES = 1.5, 0.27  # below a route: the height without rows
 KEY_BELOW: Style = {
     'borderaxespad': 3.6,  # so it is below the label of the x axis
     'labelspacing': 1.1,
-    'columnspacing': 1.2,
+    'columnspacing': 0.3,
     'handlelength': 1.7,
-    'handletextpad': 0.6,
+    'handletextpad': 0.5,
 }
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
@@ -343,12 +343,12 @@ def draw_route(
     heading = 'heading to tag' if are_facing else 'to tag'
     marks: dict[str, Mark] = {
         'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        'stop and line, moved\naside where crowded' if is_aside else 'stop': STOP,
+        'stop (number and route\nshifted where crowded)' if is_aside else 'stop': STOP,
         **({'stops at one place': STOPS_AT_ONE_PLACE} if has_room and len(places) < len(stops) else {}),
         'tag and its id': TAG_AND_ID,
-        **({f'{heading}\n(blue: its stop)': AIMED_FROM} if unclear else {heading: AIMED}),
+        **({f'{heading}\n(blue: its stop,\nif unclear)': AIMED_FROM} if unclear else {heading: AIMED}),
         **({} if are_facing else {'heading not to tag': TURNED}),
-        f'robot in its exact\nplace, radius {robot_radius_m:g} m': DISC,
+        f'robot, radius {robot_radius_m:g} m\n(exact place)': DISC,
         **({'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}),
         **({'tag without a pose': UNREACHABLE} if approaches.unreachable else {}),
         **(_marks_of_map(occupancy) if occupancy is not None else {}),
@@ -383,14 +383,19 @@ def _draw_sight(axes: Any, sight: Sight, sights: Sequence[Sight], scale: float) 
     """
     start, tag = np.array(sight)
     ahead = (tag - start) / (length_m := math.dist(*sight))
-    crossings = (crossing_of(sight, other) for other in sights)
-    gaps_m = sorted(each[0] for each in crossings if each and each[1] < each[0])
-    half_m = scale * SIGHT_GAP_M / 2
-    ends_m = [0.0, *(end_m for gap_m in gaps_m for end_m in (gap_m - half_m, gap_m + half_m)), length_m]
+    ends_m = [0.0, length_m]
+    for other in sights:
+        (at_m, other_at_m) = crossing_of(sight, other) or (0.0, math.inf)
+        if other_at_m < at_m:
+            x, y = np.subtract(*other) / math.dist(*other)
+            sine = abs(float(ahead[0] * y - ahead[1] * x))
+            half_m = scale * SIGHT_GAP_M / 2 / max(sine, 0.3)
+            ends_m += [at_m - half_m, at_m + half_m]
+    ends_m.sort()
     for piece in zip(ends_m[::2], ends_m[1::2], strict=True):
         axes.plot(*np.transpose([start + end_m * ahead for end_m in piece]), **SIGHT, zorder=1.9)
-    x, y = tag - scale * BEFORE_TAG_M * ahead
-    return draw_head(axes, sight[0], (float(x), float(y)), scale * HEAD_M, colours.TAG_ID, edge=0.0)
+    tip = tag - scale * BEFORE_TAG_M * ahead
+    return draw_head(axes, sight[0], (float(tip[0]), float(tip[1])), scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
 
 def _path_through(
