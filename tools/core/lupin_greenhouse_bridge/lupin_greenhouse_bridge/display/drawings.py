@@ -65,7 +65,7 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-SIGHT_GAP_M = 0.044  # where a nearer one crosses it
+SIGHT_GAP_M = 0.04  # where a nearer one crosses it
 PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 # In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
@@ -110,11 +110,11 @@ class LabelSize(NamedTuple):
         return LabelSize(*(scale * each for each in self))
 
 
-KEY_INCHES, KEY_ROW_INCHES = 1.5, 0.27  # below a route: the height without rows, and of a row
+KEY_INCHES, KEY_ROW_INCHES = 1.72, 0.27  # below a route: the height without rows, and of a row
 KEY_BELOW: Style = {
     'borderaxespad': 3.6,  # so it is below the label of the x axis
     'labelspacing': 1.1,
-    'columnspacing': 0.3,
+    'columnspacing': 1.6,
     'handlelength': 1.7,
     'handletextpad': 0.5,
 }
@@ -333,7 +333,7 @@ def draw_route(
         taken.append(
             _write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(0.9 * scale), taken)
         )
-    taken += [Box(*place, robot_m, robot_m) for place, _ in sights]
+    taken += [Box(*place, 0.9 * robot_m, 0.9 * robot_m) for place, _ in sights]
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [place for place, _ in sights], robot_radius_m, scale, taken, bounds)
@@ -343,7 +343,7 @@ def draw_route(
     heading = 'heading to tag' if are_facing else 'to tag'
     marks: dict[str, Mark] = {
         'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        'stop (number and route\nshifted where crowded)' if is_aside else 'stop': STOP,
+        'stop (number and\nroute shifted\nwhere crowded)' if is_aside else 'stop': STOP,
         **({'stops at one place': STOPS_AT_ONE_PLACE} if has_room and len(places) < len(stops) else {}),
         'tag and its id': TAG_AND_ID,
         **({f'{heading}\n(blue: its stop,\nif unclear)': AIMED_FROM} if unclear else {heading: AIMED}),
