@@ -111,7 +111,7 @@ class LabelSize(NamedTuple):
         return LabelSize(*(scale * each for each in self))
 
 
-KEY_INCHES, KEY_ROW_INCHES = 1.72, 0.27  # below a route: the height without rows, and of a row
+KEY_INCHES, KEY_ROW_INCHES = 1.52, 0.27  # below a route: the height without rows, and of a row
 KEY_BELOW: Style = {
     'borderaxespad': 3.6,  # so it is below the label of the x axis
     'labelspacing': 1.1,
@@ -331,9 +331,7 @@ def draw_route(
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
     unclear = _unclear(places, sights, 1.2 * disc_m) if has_room else []
     for at in unclear:
-        taken.append(
-            _write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(0.9 * scale), taken)
-        )
+        taken.append(_write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(scale), taken))
     taken += [Box(*place, 0.9 * robot_m, 0.9 * robot_m) for place, _ in sights]
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
@@ -344,12 +342,12 @@ def draw_route(
     heading = 'heading to tag' if are_facing else 'to tag'
     marks: dict[str, Mark] = {
         'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        'stop (number and\nroute shifted\nwhere crowded)' if is_aside else 'stop': STOP,
+        'stop (exact place:\ngrey circle)' if is_aside else 'stop': STOP,
         **({'stops at one place': STOPS_AT_ONE_PLACE} if has_room and len(places) < len(stops) else {}),
         'tag and its id': TAG_AND_ID,
-        **({f'{heading}\n(blue: its stop,\nif unclear)': AIMED_FROM} if unclear else {heading: AIMED}),
+        **({f'{heading} (blue\nnumber: its stop)': AIMED_FROM} if unclear else {heading: AIMED}),
         **({} if are_facing else {'heading not to tag': TURNED}),
-        f'robot, radius {robot_radius_m:g} m\n(exact place)': DISC,
+        f'robot, radius {robot_radius_m:g} m': DISC,
         **({'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}),
         **({'tag without a pose': UNREACHABLE} if approaches.unreachable else {}),
         **(_marks_of_map(occupancy) if occupancy is not None else {}),
@@ -434,7 +432,7 @@ def _write_beside(
     tries = start + ahead * np.add.outer(along_m, (1j * aside_m, -1j * aside_m)).ravel()
     boxes = np.array([(each.real, each.imag, 1.6 * width, 1.6 * height) for each in tries])
     x, y = boxes[overlaps(boxes, np.array(taken)).sum(axis=1).round(4).argmin(), :2].tolist()
-    axes.text(x, y, text, weight='bold', fontsize=0.75 * POINTS, color=colours.ROUTE, zorder=6, **CENTRED)
+    axes.text(x, y, text, weight='bold', fontsize=0.85 * POINTS, color=colours.ROUTE, zorder=6, **CENTRED)
     return Box(x, y, width, height)
 
 

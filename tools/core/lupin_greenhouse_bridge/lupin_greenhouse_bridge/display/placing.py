@@ -22,7 +22,7 @@ FAR_COST, NEARER_COST, BELOW_COST = 0.15, 0.05, 0.05
 END_M = 0.24  # the mark at an end of a path
 # In radii of the disc of a number: its distance from those of other places, from lines, from the next one in
 # its row, from its place, and from all that matters to it; and the places where it is tried.
-DISCS_APART, LINE_APART, NEXT_IN_ROW, FROM_PLACE, NEAR = 2.4, 1.35, 1.9, 1.4, 8.0
+DISCS_APART, LINE_APART, NEXT_IN_ROW, FROM_PLACE, NEAR = 2.6, 1.35, 1.9, 1.4, 8.0
 TRIED = np.add.outer(np.linspace(-3.0, 3.0, 61), 1j * np.linspace(-3.0, 3.0, 61)).ravel()
 SWEEPS, MOVED_COST, ASIDE_COST = 6, 0.03, 0.08  # of a move by the radius, and of one aside of its heading
 Point = tuple[float, float]
