@@ -66,7 +66,8 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-SIGHT_GAP_M = 0.04  # where a nearer one crosses it
+SIGHT_GAP_M = 0.04  # across another that crosses it
+UNCLEAR = 1.2  # how close to its stop, in radii of a number's disc, a line crosses another
 PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 # In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
@@ -329,10 +330,10 @@ def draw_route(
     bounds, end_m = box_of(walls), max(END_M, robot_m)
     ends = [(word, Box(x, y, end_m, end_m), colours.ROUTE) for word, (x, y, *_) in ends_of_path(path).items()]
     taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
-    unclear = _unclear(places, sights, 1.2 * disc_m) if has_room else []
+    unclear = _unclear(places, sights, UNCLEAR * disc_m) if has_room else []
     for at in unclear:
         taken.append(_write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(scale), taken))
-    taken += [Box(*place, 0.9 * robot_m, 0.9 * robot_m) for place, _ in sights]
+    taken += [Box(*place, 0.9 * robot_m, 0.9 * robot_m) for place, _ in sights]  # without their corners
     taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     if not has_room:
         _write_numbers_beside(axes, [place for place, _ in sights], robot_radius_m, scale, taken, bounds)
@@ -382,17 +383,19 @@ def _draw_sight(axes: Any, sight: Sight, sights: Sequence[Sight], scale: float) 
     """
     start, tag = np.array(sight)
     ahead = (tag - start) / (length_m := math.dist(*sight))
-    ends_m = [0.0, length_m]
+    gaps_m = []
     for other in sights:
-        (at_m, other_at_m) = crossing_of(sight, other) or (0.0, math.inf)
+        at_m, other_at_m = crossing_of(sight, other) or (0.0, math.inf)
         if other_at_m < at_m:
             x, y = np.subtract(*other) / math.dist(*other)
-            sine = abs(float(ahead[0] * y - ahead[1] * x))
-            half_m = scale * SIGHT_GAP_M / 2 / max(sine, 0.3)
-            ends_m += [at_m - half_m, at_m + half_m]
-    ends_m.sort()
-    for piece in zip(ends_m[::2], ends_m[1::2], strict=True):
-        axes.plot(*np.transpose([start + end_m * ahead for end_m in piece]), **SIGHT, zorder=1.9)
+            half_m = scale * SIGHT_GAP_M / 2 / max(abs(float(ahead[0] * y - ahead[1] * x)), 0.3)
+            gaps_m.append((at_m - half_m, at_m + half_m))
+    from_m = 0.0
+    for gap_m, gap_end_m in (*sorted(gaps_m), (length_m, length_m)):
+        if from_m < gap_m:
+            piece = [start + from_m * ahead, start + gap_m * ahead]
+            axes.plot(*np.transpose(piece), **SIGHT, zorder=1.9)
+        from_m = max(from_m, gap_end_m)
     tip = tag - scale * BEFORE_TAG_M * ahead
     return draw_head(axes, sight[0], (float(tip[0]), float(tip[1])), scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
@@ -424,10 +427,8 @@ def _write_beside(
     start, ahead = complex(*sight[0]), complex(*sight[1]) - complex(*sight[0])
     ahead /= abs(ahead)
     width, height = size.box(text)
-    aside_m = (
-        0.02
-        + (1 - 0.6 * abs(ahead.real * ahead.imag)) * (abs(ahead.imag) * width + abs(ahead.real) * height) / 2
-    )
+    slant = abs(ahead.real * ahead.imag)  # at which the corners of a text are far from the line
+    aside_m = 0.02 + (1 - 0.6 * slant) * (abs(ahead.imag) * width + abs(ahead.real) * height) / 2
     along_m = np.linspace(from_m + 0.06, math.dist(*sight) - 0.12, 9)
     tries = start + ahead * np.add.outer(along_m, (1j * aside_m, -1j * aside_m)).ravel()
     boxes = np.array([(each.real, each.imag, 1.6 * width, 1.6 * height) for each in tries])
