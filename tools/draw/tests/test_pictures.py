@@ -251,36 +251,37 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     for stop, place in itertools.product(stops, places.values()):
         assert not boxes[stop].contains(*axes.transData.transform(place))
     ways = [line.get_transform().transform_path(line.get_path()) for line in lines]
-    for text in ids + others:  # the digits are smaller than their box
-        box = boxes[text].padded(-2 if text in ids else -7)
+    for text in ids + others:  # digits are smaller than their box
+        box = boxes[text].padded(-2 - 5 * (text in others))
         assert not any(way.intersects_bbox(box, filled=False) for way in ways)
-    marks = [*places.values(), *(stop.get_position() for stop in stops)]
+    robots = [disc.center for disc in filled(axes, Circle)]
+    marks = [*places.values(), *(stop.get_position() for stop in stops), *robots]
+    sizes = np.repeat([0.04, 0.11, 0.15], [len(tags), len(stops), len(robots)])
     for text in ids:  # each is nearest to its own tag
         low, high = axes.transData.inverted().transform(boxes[text])
-        gaps = np.hypot(*(np.clip(marks, low, high) - marks).T) - np.repeat([0.04, 0.11], len(tags))
+        gaps = np.hypot(*(np.clip(marks, low, high) - marks).T) - sizes
         assert list(places)[gaps.argmin()] == text.get_text()
 
 
 @pytest.mark.parametrize('radius_m', [0.25, 0.2, 0.15, 0.08])
 def test_the_number_of_each_stop_is_at_its_place_and_hides_no_other_line_or_has_a_line_to_it(radius_m):
-    greenhouse = simulated.Greenhouse('', '')
-    layout, walls, tag_ids = greenhouse.layout, greenhouse.walls, greenhouse.route.tag_ids
-    approaches = simulated.find_approaches(layout, walls, simulated.ViewingLimits(robot_radius_m=radius_m))
-    (axes,) = drawings.draw_route(layout, walls, approaches, greenhouse.route).axes
-    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == drawings.LEADER_POINTS]
-    stops, tags = (
-        np.array([complex(*each[:2]) for each in (among[tag_id] for tag_id in tag_ids)])
-        for among in (approaches.poses, layout.tags)
-    )
-    for text in (each for each in axes.texts if each.get_color() == 'white'):
-        for number in re.findall(r'\d+', text.get_text()):
-            stop, place = stops[int(number) - 1], complex(*text.get_position())
+    greenhouse, limits = simulated.Greenhouse('', ''), simulated.ViewingLimits(robot_radius_m=radius_m)
+    approaches = simulated.find_approaches(greenhouse.layout, greenhouse.walls, limits)
+    route = simulated.plan_route(approaches.free_space, approaches.poses, None, 'shortest')
+    (axes,) = drawings.draw_route(greenhouse.layout, greenhouse.walls, approaches, route).axes
+    lines = [each.get_xydata() @ [1, 1j] for each in axes.lines if each.get_color() == figure.colours.ROUTE]
+    sights = [(approaches.poses[each], greenhouse.layout.tags[each]) for each in route.tag_ids]
+    stops, tags = (np.array([complex(*each[:2]) for each in ends]) for ends in zip(*sights, strict=True))
+    for text in axes.texts:
+        place, is_beside = complex(*text.get_position()), text.get_color() == figure.colours.ROUTE
+        for number in re.findall(r'\d+', text.get_text() if text.get_color() == 'white' or is_beside else ''):
+            stop, gaps_m = stops[int(number) - 1], placing.gaps_to(place, stops, tags)
             if radius_m < 0.1:
-                ends = [complex(*end) for start, end in lines if complex(*start) == place]
-                assert any(abs(end - stop) == pytest.approx(radius_m) for end in ends)
-                continue
-            is_other = np.abs(stops - stop) > 0.2 * radius_m
-            assert placing.gaps_to(place, stops[is_other], tags[is_other]).min() > 0.1 > abs(place - stop) / 2
+                assert any(abs(end - stop) == pytest.approx(radius_m) for at, end, *_ in lines if at == place)
+            elif is_beside:
+                assert gaps_m.argmin() == int(number) - 1
+            else:
+                assert gaps_m[np.abs(stops - stop) > 0.2 * radius_m].min() > 0.114 > abs(place - stop) / 2
 
 
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):

@@ -43,7 +43,7 @@ JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.12, 0.2
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-ROUTE_ZOOM, ROUTE_DPI = 1.15, 252  # the first is of the marks and the texts, if tags are few
+ROUTE_ZOOM, ROUTE_DPI = 1.15, 252  # of marks and texts, if tags are few; for twice the width in the document
 HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # the corners of an arrowhead
 HEAD_M, BEFORE_TAG_M = 0.115, 0.04  # its scale on a line of sight, and where it ends
 SHORT_ARROW_M = 0.17  # that an arrow of the route needs between two stops
@@ -66,8 +66,8 @@ TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-SIGHT_GAP_M = 0.04  # across another that crosses it
-UNCLEAR = 1.2  # how close to its stop, in radii of a number's disc, a line crosses another
+SIGHT_GAP_M = 0.04  # square to the line for which it is left
+UNCLEAR = 1.2  # in radii of a number's disc: a line that crosses another so close to its stop has its number
 PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 # In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
@@ -122,7 +122,7 @@ KEY_BELOW: Style = {
 }
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
 LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
-# Of the number at a robot's centre, and of the id of a tag.
+# Of the number of a stop, and of the id of a tag.
 DIGITS, IDS = LabelSize(0.082, 0.0, 0.115), LabelSize(0.088, 0.01, 0.15)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
 DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}

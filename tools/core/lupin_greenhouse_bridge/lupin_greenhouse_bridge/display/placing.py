@@ -117,9 +117,9 @@ def place_rows(
         discs = here[at] + (tried[:, None] + row)[..., None]
         others = np.concatenate([np.zeros(0), *rows[:at], *rows[at + 1 :]])
         apart = np.abs(discs - others[np.abs(others - here[at]) < NEAR]).min(axis=1)
-        is_near = np.abs(ends - here[at]).min(axis=1) > LINE_APART
-        is_near &= gaps_to(here[at], *ends.T) < NEAR
-        gaps = gaps_to(discs, *ends[is_near].T).min(axis=1)
+        passes = np.abs(ends - here[at]).min(axis=1) > LINE_APART
+        passes &= gaps_to(here[at], *ends.T) < NEAR
+        gaps = gaps_to(discs, *ends[passes].T).min(axis=1)
         costs = MOVED_COST * np.abs(tried) ** 2
         costs += (np.maximum(DISCS_APART - apart, 0.0) ** 2).sum(axis=1)
         costs += (np.maximum(LINE_APART - gaps, 0.0) ** 2).sum(axis=1)
@@ -135,12 +135,10 @@ def crossing_of(line: tuple[Point, Point], other: tuple[Point, Point]) -> tuple[
     ahead, other_ahead, between = end - start, other_end - other_start, other_start - start
     if not (size := (ahead.conjugate() * other_ahead).imag):
         return None
-    shares = [(between.conjugate() * each).imag / size for each in (other_ahead, ahead)]
-    return (
-        (shares[0] * abs(ahead), shares[1] * abs(other_ahead))
-        if 0.0 < min(shares) < max(shares) < 1.0
-        else None
-    )
+    share, other_share = ((between.conjugate() * each).imag / size for each in (other_ahead, ahead))
+    if not (0.0 < share < 1.0 and 0.0 < other_share < 1.0):
+        return None
+    return share * abs(ahead), other_share * abs(other_ahead)
 
 
 def gaps_to(points: Any, starts: Any, ends: Any) -> np.ndarray:
