@@ -21,11 +21,15 @@ PATH_WIDTH_M = 0.1  # that a label leaves to a path
 # its area.
 FAR_COST, NEARER_COST, BELOW_COST = 0.15, 0.05, 0.05
 END_M = 0.24  # the mark at an end of a path
-# In radii of the disc of a number: its distance from those of other places, from lines, from the next one in
-# its row, from its place, and from all that matters to it; and the places where it is tried.
-DISCS_APART, LINE_APART, NEXT_IN_ROW, FROM_PLACE, NEAR = 2.6, 1.35, 1.9, 1.4, 8.0
-TRIED = np.add.outer(np.linspace(-3.0, 3.0, 61), 1j * np.linspace(-3.0, 3.0, 61)).ravel()
-SWEEPS, MOVED_COST, ASIDE_COST = 6, 0.03, 0.08  # of a move by the radius, and of one aside of its heading
+PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
+# In radii of the disc of a number: the nearest distance from its stop, and the farthest one beyond the robot.
+# So far away from it should lines, tags, other numbers, walls and other robots be; the last is the distance
+# from another stop, in distances from its own.
+NEAREST, BEYOND, ASIDE, DISTANCES, DIRECTIONS, SWEEPS = 1.6, 2.4, 0.7, 17, 72, 3
+LINE_APART, TAG_APART, NUMBER_APART, WALL_APART, ROBOT_APART, OTHER_SHARE = 1.35, 2.2, 2.3, 1.3, 2.0, 1.3
+# What it costs to hide something, to be near another stop or robot, to be away from the rim of its own robot,
+# and to be aside of its heading, at a shared place, or ahead.
+HIDING_COST, OTHER_COST, ROBOT_COST, AWAY_COST, ASIDE_COST, AHEAD_COST = 2.0, 0.6, 0.09, 0.1, 1.5, 0.045
 Point = tuple[float, float]
 
 
@@ -96,50 +100,64 @@ def place_labels(
     return places
 
 
-def place_rows(
-    places: Sequence[Point],
-    yaws: Sequence[Sequence[float]],
-    lines: Sequence[tuple[Point, Point]],
+def place_numbers(
+    sights: Sequence[tuple[Point, Point]],
+    path: Sequence[Point],
+    tags: Sequence[Point],
+    walls: Walls,
+    robot_m: float,
     disc_m: float,
-) -> list[list[Point]]:
+) -> list[Point]:
     """
-    Return the centres of the discs at each place: a row of them, one for each of its headings.
+    Return the centres of the numbers of the stops from which these lines of sight begin, each on a disc.
 
-    A row covers or touches its place, and hides lines that do not begin or end there only if it must.
+    A number lies at the rim of the robot, or a little farther away, where it hides no line, tag or other
+    number: behind the robot, or on its own line of sight if several stops are at one place.
     """
-    here = np.array([complex(*place) for place in places]) / disc_m
-    ends = np.reshape([complex(*end) for line in lines for end in line], (-1, 2)) / disc_m
-    rows = [
-        here[at] + NEXT_IN_ROW * (np.arange(len(each)) - (len(each) - 1) / 2) for at, each in enumerate(yaws)
-    ]
-    for at in SWEEPS * list(range(len(here))):
-        row = rows[at] - rows[at].mean()
-        tried = TRIED[gaps_to(np.zeros(1), TRIED + row[0], TRIED + row[-1]) <= FROM_PLACE]
-        discs = here[at] + (tried[:, None] + row)[..., None]
-        others = np.concatenate([np.zeros(0), *rows[:at], *rows[at + 1 :]])
-        apart = np.abs(discs - others[np.abs(others - here[at]) < NEAR]).min(axis=1)
-        passes = np.abs(ends - here[at]).min(axis=1) > LINE_APART
-        passes &= gaps_to(here[at], *ends.T) < NEAR
-        gaps = gaps_to(discs, *ends[passes].T).min(axis=1)
-        costs = MOVED_COST * np.abs(tried) ** 2
-        costs += (np.maximum(DISCS_APART - apart, 0.0) ** 2).sum(axis=1)
-        costs += (np.maximum(LINE_APART - gaps, 0.0) ** 2).sum(axis=1)
-        if len(row) == 1:
-            costs += ASIDE_COST * (tried * np.exp(-1j * yaws[at][0])).imag ** 2
-        rows[at] = here[at] + tried[costs.round(6).argmin()] + row
-    return [[(disc_m * float(each.real), disc_m * float(each.imag)) for each in row] for row in rows]
+    lines = np.reshape(
+        [complex(*end) for line in (*sights, *itertools.pairwise(path)) for end in line], (-1, 2)
+    )
+    starts, ends = lines.T / disc_m
+    stops, marks = starts[: len(sights)], np.array([complex(*tag) for tag in tags]) / disc_m
+    x0, y0, x1, y1 = np.array(walls) / disc_m
+    radius = robot_m / disc_m
+    rim = max(radius, NEAREST)
+    turns = np.exp(2j * math.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    tried = np.multiply.outer(np.linspace(NEAREST, rim + BEYOND, DISTANCES), turns).ravel()
+    reach = rim + BEYOND + radius + ROBOT_APART
+    numbers = stops.copy()
+    for at in SWEEPS * list(range(len(stops))):
+        here, discs = stops[at], (stops[at] + tried)[:, None]
+        others = stops[np.abs(stops - here) > PLACE_SHARE * radius]
+        is_alone = len(others) == len(stops) - 1
+        ahead = (turns * np.exp(-1j * np.angle(ends[at] - here))).real
+        costs = AWAY_COST * (np.abs(tried) - rim - (0.0 if is_alone else ASIDE)) ** 2
+        costs += np.tile(AHEAD_COST * ahead if is_alone else -ASIDE_COST * ahead, DISTANCES)
+        is_near = gaps_to(here, starts, ends) < reach
+        is_near[at] = is_alone
+        costs += HIDING_COST * _lack(gaps_to(discs, starts[is_near], ends[is_near]), LINE_APART)
+        for points, apart in ((marks, TAG_APART), (np.delete(numbers, at), NUMBER_APART)):
+            costs += HIDING_COST * _lack(np.abs(discs - points[np.abs(points - here) < reach]), apart)
+        to_walls = np.hstack([discs.real - x0, x1 - discs.real, discs.imag - y0, y1 - discs.imag])
+        costs += HIDING_COST * _lack(to_walls, WALL_APART)
+        to_others = np.abs(discs - others[np.abs(others - here) < reach])
+        costs += OTHER_COST * _lack(to_others, OTHER_SHARE * np.abs(tried)[:, None])
+        costs += ROBOT_COST * _lack(to_others, radius + ROBOT_APART)
+        numbers[at] = discs[costs.round(6).argmin(), 0]
+    return [(disc_m * float(each.real), disc_m * float(each.imag)) for each in numbers]
 
 
-def crossing_of(line: tuple[Point, Point], other: tuple[Point, Point]) -> tuple[float, float] | None:
-    """Return the distances from the starts of two lines to where they cross; None if they do not."""
-    (start, end), (other_start, other_end) = ([complex(*each) for each in pair] for pair in (line, other))
-    ahead, other_ahead, between = end - start, other_end - other_start, other_start - start
-    if not (size := (ahead.conjugate() * other_ahead).imag):
-        return None
-    share, other_share = ((between.conjugate() * each).imag / size for each in (other_ahead, ahead))
-    if not (0.0 < share < 1.0 and 0.0 < other_share < 1.0):
-        return None
-    return share * abs(ahead), other_share * abs(other_ahead)
+def bow(along: np.ndarray, at: float) -> np.ndarray:
+    """Return how far aside a bow is, as shares: along it from 0 to 1, and farthest at this place."""
+    before, after = np.clip(along / at, 0.0, 1.0), np.clip((along - at) / (1.0 - at), 0.0, 1.0)
+    aside: np.ndarray = np.sin(math.pi / 2 * before) * np.cos(math.pi / 2 * after) ** 2
+    return aside
+
+
+def _lack(gaps: np.ndarray, wanted: float | np.ndarray) -> np.ndarray:
+    """Return for each row of gaps the sum of the squares of what they lack."""
+    lacks: np.ndarray = (np.maximum(wanted - gaps, 0.0) ** 2).sum(axis=1)
+    return lacks
 
 
 def gaps_to(points: Any, starts: Any, ends: Any) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Draw the greenhouse, its approach poses and a route. Imports matplotlib only to draw, and never ROS."""
 
 import io
-import itertools
 import math
 import os
 from collections.abc import Collection, Sequence
@@ -13,17 +12,17 @@ import numpy as np
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
     ARROW_M,
-    END_M,
     PATH_WIDTH_M,
+    PLACE_SHARE,
     Box,
     Point,
     arrows_between,
+    bow,
     box_of,
-    crossing_of,
     ends_of_path,
-    overlaps,
+    gaps_to,
     place_labels,
-    place_rows,
+    place_numbers,
     steps_of,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -38,7 +37,6 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
-JOINED_M = 0.25  # stops of small robots that are closer share a label
 TAG_M, UNREACHABLE_M = 0.12, 0.2
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
@@ -47,7 +45,8 @@ HEAD = np.array([(0.0, 0.0), (-0.68, 0.26), (-0.56, 0.0), (-0.68, -0.26)])  # th
 HEAD_M, BEFORE_TAG_M = 0.115, 0.04  # its scale on a line of sight, and where it ends
 SHORT_ARROW_M = 0.17  # that an arrow of the route needs between two stops
 HALF_HEAD = 0.42  # from the middle to the tip of an arrow of a path, in lengths that it needs
-LEADER_POINTS = 1.1  # the width of the line from a stop to its label
+DOT_M = 0.034  # the radius of the dot at a stop, and at most half of the robot's
+BOW = 1.05  # how far away from it lines of sight of other stops are, in its diameters
 Sight = tuple[Point, Point]  # a line of sight: from a stop to its tag
 Style = dict[str, Any]  # of what matplotlib draws
 Mark = Style | tuple[Style, ...]  # in a key, from the bottom to the top
@@ -64,30 +63,39 @@ TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', colours.TAG_ID, 5), point_style('X', colours.FAILED, 8)
 INK = '#1f2328'  # of the robot, whose nose has twice this angle and this share of the radius
 NOSE_DEGREES, NOSE_SHARE, ASIDE_DEGREES = 21, 0.3, 2.0  # the last: of a heading that is not to the tag
+SIGHT_POINTS = 300  # of a line of sight with a bow
 SIGHT: Style = {'color': colours.TAG_ID, 'linewidth': 0.8}
-SIGHT_GAP_M = 0.04  # square to the line for which it is left
-UNCLEAR = 1.2  # in radii of a number's disc: a line that crosses another so close to its stop has its number
-PLACE_SHARE = 0.2  # of the robot's radius: stops that are closer are at one place
 # In the key.
 NOSE_CORNERS = (1, 0), (0.93, 0.36), (0.66, 0.25), (0.66, -0.25), (0.93, -0.36)
 TAG_AND_ID = point_style(r'$■\,3$', colours.TAG_ID, 14, markeredgewidth=0)
 DISC = point_style('o', f'{INK}10', 18, markeredgecolor=f'{INK}80', markeredgewidth=0.7)
 TURNED = DISC, point_style(NOSE_CORNERS, INK, 18, markeredgewidth=0)
-STOP = (
-    point_style('o', colours.ROUTE, 11, markeredgewidth=0),
-    point_style(r'$\mathbf{7}$', 'white', 6, markeredgewidth=0),
-)
+SEVEN = np.array([(-4, 5), (4, 5), (4, 3), (0, -5), (-2, -5), (2, 3), (-4, 3)])
 TURN = np.linspace(0.0, 2 * math.pi, 40)
-HALF_TURN = np.exp(0.5j * (TURN - math.pi))
 DOT_ASIDE = np.transpose([0.35 * np.cos(TURN) + 1.5, 0.35 * np.sin(TURN)])  # at the right
 AIMED = SIGHT, point_style(np.add(HEAD, (1.5, 0.0)), colours.TAG_ID, 20, markeredgewidth=0)
-SEVEN = np.add([(-4, 5), (4, 5), (4, 3), (0, -5), (-2, -5), (2, 3), (-4, 3)], (-4, 9))
-AIMED_FROM = *AIMED, point_style(SEVEN, colours.ROUTE, 18, markeredgewidth=0)
-ROW = np.concatenate([HALF_TURN + 0.9, -HALF_TURN - 0.9])
+CIRCLE = np.column_stack([np.cos(TURN), np.sin(TURN)])
+ALONG = np.linspace(0.0, 1.0, 40)
+STOP = (
+    point_style(2.0 * CIRCLE - (7, 0), colours.ROUTE, 18, markeredgewidth=0),
+    point_style(5.4 * CIRCLE + (3, 0), colours.ROUTE, 16.8, markeredgewidth=0),
+    point_style(np.add(SEVEN, (5.2, 0)), 'white', 10.7, markeredgewidth=0),
+)
 STOPS_AT_ONE_PLACE = (
-    DISC,
-    point_style(np.transpose([ROW.real, ROW.imag]), colours.ROUTE, 21, markeredgewidth=0),
-    point_style(r'$\mathbf{7\;8}$', 'white', 13, markeredgewidth=0),
+    point_style('o', colours.ROUTE, 4, markeredgewidth=0),
+    *(point_style(4.5 * CIRCLE + (x, 0), colours.ROUTE, 22.6, markeredgewidth=0) for x in (-6.8, 6.8)),
+    point_style(r'$\mathbf{7\quad\;8}$', 'white', 17, markeredgewidth=0),
+)
+PAST_A_STOP = (
+    AIMED[1],
+    point_style('o', colours.ROUTE, 4, markeredgewidth=0),
+    point_style(
+        np.column_stack([20 * ALONG - 10, -4.6 * bow(ALONG, 0.5)]),
+        'none',
+        20,
+        markeredgecolor=colours.TAG_ID,
+        markeredgewidth=0.8,
+    ),
 )
 
 
@@ -111,22 +119,24 @@ class LabelSize(NamedTuple):
         return LabelSize(*(scale * each for each in self))
 
 
-KEY_INCHES, KEY_ROW_INCHES = 1.52, 0.27  # below a route: the height without rows, and of a row
+KEY_INCHES, KEY_ROW_INCHES = 1.26, 0.27  # below a route: the height without rows, and of a row
 KEY_BELOW: Style = {
     'borderaxespad': 3.6,  # so it is below the label of the x axis
     'labelspacing': 1.1,
     'columnspacing': 1.6,
-    'handlelength': 1.7,
-    'handletextpad': 0.5,
+    'handlelength': 2.0,
+    'handletextpad': 0.6,
 }
 LINE_SHARE = 0.85  # of a label's height, that a further line takes
-LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
-# Of the number of a stop, and of the id of a tag.
-DIGITS, IDS = LabelSize(0.082, 0.0, 0.115), LabelSize(0.088, 0.01, 0.15)
+LABELS = LabelSize(0.108, 0.045, 0.195)
+# Of the number of a stop, of the id of a tag, and of the words at the ends of a route.
+DIGITS, IDS, ENDS = LabelSize(0.09, 0.0, 0.12), LabelSize(0.088, 0.01, 0.15), LabelSize(0.055, 0.2, 0.195)
 SEE_THROUGH: Style = {'facecolor': f'{INK}10', 'edgecolor': f'{INK}80', 'linewidth': 0.7}
-DISC_OF_NUMBER: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.6, 'zorder': 1.92}
+DOT_OF_STOP: Style = {'facecolor': colours.ROUTE, 'edgecolor': 'white', 'linewidth': 0.5, 'zorder': 1.92}
+DISC_OF_NUMBER: Style = DOT_OF_STOP | {'linewidth': 0.6, 'zorder': 2.2}
 NOSE: Style = {'facecolor': INK, 'linewidth': 0, 'zorder': 1.75}
-NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.85 * POINTS, 'zorder': 5, **CENTRED}
+LEADER: Style = {'color': colours.ROUTE, 'linewidth': 0.8, 'zorder': 1.65}
+NUMBER: Style = {'color': 'white', 'weight': 'bold', 'size': 0.95 * POINTS, 'zorder': 5, **CENTRED}
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -148,7 +158,7 @@ def picture_of(figure: Any, ending: str) -> bytes:
     picture = io.BytesIO()
     try:
         figure.draw_without_rendering()  # lays it out: doing so once is not exact
-        figure.savefig(picture, format=ending, dpi=130, bbox_inches='tight', pad_inches=0.15)
+        figure.savefig(picture, format=ending, dpi=200, bbox_inches='tight', pad_inches=0.15)
     except ValueError as error:
         raise StartUpError(f'the picture cannot be drawn: {error}') from error
     return picture.getvalue()
@@ -251,13 +261,21 @@ def draw_path(axes: Any, points: Sequence[Point], stops: Sequence[Box], arrow_m:
             axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
+def places_of(stops: Sequence[Point], robot_m: float) -> list[Point]:
+    """Return the places of stops; those that are much closer than the robot is large are one place."""
+    places = list[Point]()
+    for stop in stops:
+        places += [] if any(math.dist(stop, each) < PLACE_SHARE * robot_m for each in places) else [stop]
+    return places
+
+
 def draw_robots(axes: Any, stops: Sequence[tuple[ApproachPose, Point]], radius_m: float) -> bool:
     """Draw the disc of a robot to scale, and a nose where it does not face its tag; return whether all do."""
     from matplotlib.patches import Circle, Wedge
 
     noses = []
-    for first, *_ in group_stops([pose[:2] for pose, _ in stops], PLACE_SHARE * radius_m):
-        axes.add_patch(Circle(stops[first][0][:2], radius_m, **SEE_THROUGH, zorder=1.4))
+    for place in places_of([pose[:2] for pose, _ in stops], radius_m):
+        axes.add_patch(Circle(place, radius_m, **SEE_THROUGH, zorder=1.4))
     for pose, tag in stops:
         to_tag = math.atan2(tag[1] - pose.y, tag[0] - pose.x)
         if math.cos(pose.yaw - to_tag) < math.cos(math.radians(ASIDE_DEGREES)):
@@ -311,41 +329,37 @@ def draw_route(
     stops = [(poses[each], layout.tags[each][:2]) for each in route.tag_ids]
     sights = [(pose[:2], tag) for pose, tag in stops]
     are_facing = draw_robots(axes, stops, robot_radius_m)
-    robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
-    side_m = math.sqrt(math.pi) * robot_radius_m  # of a square with the area of the disc
-    robots = [Box(*place, side_m, side_m) for place, _ in sights]
-    places = group_stops([place for place, _ in sights], PLACE_SHARE * robot_radius_m)
+    dot_m = min(scale * DOT_M, robot_radius_m / 2)
     disc_m = math.hypot(*DIGITS.times(scale).box(str(len(stops)))) / 2
-    has_room = disc_m < robot_radius_m
-    numbers = _draw_numbers(axes, places, sights, route.points_m, disc_m) if has_room else robots
-    seen = [_sight_from(number, *sight) for number, sight in zip(numbers, sights, strict=True)]
-    heads = [_draw_sight(axes, sight, seen, scale) for sight in seen]
-    path = _path_through(numbers, places, sights, route.points_m)
-    lines = [Box(x, y, line_m, line_m) for way in (path, *sights) for x, y, _ in steps_of(way, line_m)]
+    tags = [tag[:2] for tag in layout.tags.values()]
+    numbers = place_numbers(sights, route.points_m, tags, walls, robot_radius_m, disc_m)
+    dots = [Box(*place, 2 * dot_m, 2 * dot_m) for place, _ in sights]
+    discs = [Box(*number, 2 * disc_m, 2 * disc_m) for number in numbers]
+    _draw_stops(axes, dots, discs, robot_radius_m)
+    passed = [_passed_by(sight, dots) for sight in sights]
+    heads = [_draw_sight(axes, *each, scale) for each in zip(sights, passed, strict=True)]
+    if route.points_m:
+        draw_path(axes, route.points_m, dots + discs, scale * SHORT_ARROW_M)
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
-    if path:
-        draw_path(axes, path, numbers, scale * SHORT_ARROW_M)
-    taken = [*lines, *heads, *(dot for _, dot, _ in labels), *robots, *numbers]
-    bounds, end_m = box_of(walls), max(END_M, robot_m)
-    ends = [(word, Box(x, y, end_m, end_m), colours.ROUTE) for word, (x, y, *_) in ends_of_path(path).items()]
-    taken += write_labels(axes, ends, LABELS.times(scale), taken, bounds, weight='bold', zorder=6)
-    unclear = _unclear(places, sights, UNCLEAR * disc_m) if has_room else []
-    for at in unclear:
-        taken.append(_write_beside(axes, str(at + 1), sights[at], robot_radius_m, DIGITS.times(scale), taken))
-    taken += [Box(*place, 0.9 * robot_m, 0.9 * robot_m) for place, _ in sights]  # without their corners
-    taken += write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
-    if not has_room:
-        _write_numbers_beside(axes, [place for place, _ in sights], robot_radius_m, scale, taken, bounds)
-    is_aside = any(
-        math.dist(each[:2], place) > disc_m / 4 for each, (place, _) in zip(numbers, sights, strict=True)
-    )
+    line_m, robot_m = scale * PATH_WIDTH_M / 2, 1.8 * robot_radius_m  # without the corners of its box
+    lines = (step for way in (route.points_m, *sights) for step in steps_of(way, line_m))
+    robots = [Box(*place, robot_m, robot_m) for place, _ in sights]
+    taken = [Box(x, y, line_m, line_m) for x, y, _ in lines]
+    taken += [*heads, *discs, *robots, *(dot for _, dot, _ in labels)]
+    bounds, disc_of = box_of(walls), {dot[:2]: disc for dot, disc in zip(dots, discs, strict=True)}
+    words = ends_of_path(route.points_m).items()
+    ends = [(word, disc_of.get(mark[:2], mark), colours.ROUTE) for word, mark in words]
+    taken += write_labels(axes, ends, ENDS.times(scale), taken, bounds, weight='bold', zorder=6)
+    write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
+    are_shared = len(places_of([place for place, _ in sights], robot_radius_m)) < len(stops)
     heading = 'heading to tag' if are_facing else 'to tag'
     marks: dict[str, Mark] = {
         'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-        'stop (exact place:\ngrey circle)' if is_aside else 'stop': STOP,
-        **({'stops at one place': STOPS_AT_ONE_PLACE} if has_room and len(places) < len(stops) else {}),
+        'stop and its number': STOP,
+        **({'stops at one place': STOPS_AT_ONE_PLACE} if are_shared else {}),
         'tag and its id': TAG_AND_ID,
-        **({f'{heading} (blue\nnumber: its stop)': AIMED_FROM} if unclear else {heading: AIMED}),
+        heading: AIMED,
+        **({f'{heading.removesuffix("to tag")}past a stop': PAST_A_STOP} if any(passed) else {}),
         **({} if are_facing else {'heading not to tag': TURNED}),
         f'robot, radius {robot_radius_m:g} m': DISC,
         **({'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}),
@@ -366,132 +380,41 @@ def _marks_of_map(occupancy: OccupancyMap) -> dict[str, Mark]:
     }
 
 
-def _sight_from(number: Box, place: Point, tag: Point) -> Sight:
-    """Return a line of sight from its place or, if the number is behind it, from beside the number."""
-    here, ahead = complex(*place), complex(*tag) - complex(*place)
-    behind = min(0.0, ((complex(*number[:2]) - here) / ahead).real)
-    start = here + behind * ahead
-    return (start.real, start.imag), tag
+def _draw_stops(axes: Any, dots: Sequence[Box], discs: Sequence[Box], robot_m: float) -> None:
+    """Draw the dot and the number of each stop, and a line between them if the number is off the robot."""
+    from matplotlib.patches import Circle
+
+    for number, (dot, disc) in enumerate(zip(dots, discs, strict=True), start=1):
+        axes.add_patch(Circle(dot[:2], dot.width / 2, **DOT_OF_STOP))
+        axes.add_patch(Circle(disc[:2], disc.width / 2, **DISC_OF_NUMBER))
+        axes.text(*disc[:2], number, **NUMBER)
+        if math.dist(dot[:2], disc[:2]) > robot_m + 0.75 * disc.width:
+            axes.plot(*zip(dot[:2], disc[:2], strict=True), **LEADER)
 
 
-def _draw_sight(axes: Any, sight: Sight, sights: Sequence[Sight], scale: float) -> Box:
-    """
-    Draw a line of sight; return what its head covers.
-
-    It has a gap where it crosses another line that is there nearer to its start.
-    """
-    start, tag = np.array(sight)
-    ahead = (tag - start) / (length_m := math.dist(*sight))
-    gaps_m = []
-    for other in sights:
-        at_m, other_at_m = crossing_of(sight, other) or (0.0, math.inf)
-        if other_at_m < at_m:
-            x, y = np.subtract(*other) / math.dist(*other)
-            half_m = scale * SIGHT_GAP_M / 2 / max(abs(float(ahead[0] * y - ahead[1] * x)), 0.3)
-            gaps_m.append((at_m - half_m, at_m + half_m))
-    from_m = 0.0
-    for gap_m, gap_end_m in (*sorted(gaps_m), (length_m, length_m)):
-        if from_m < gap_m:
-            piece = [start + from_m * ahead, start + gap_m * ahead]
-            axes.plot(*np.transpose(piece), **SIGHT, zorder=1.9)
-        from_m = max(from_m, gap_end_m)
-    tip = tag - scale * BEFORE_TAG_M * ahead
-    return draw_head(axes, sight[0], (float(tip[0]), float(tip[1])), scale * HEAD_M, colours.TAG_ID, edge=0.0)
+def _passed_by(sight: Sight, dots: Sequence[Box]) -> list[Box]:
+    """Return the dots of other stops that a line of sight would almost touch."""
+    start, tag = (complex(*end) for end in sight)
+    x, y, width, _ = np.transpose(dots)
+    from_line, from_start = gaps_to(x + 1j * y, start, tag), np.abs(x + 1j * y - start)
+    is_passed = (from_line < BOW * width) & (from_start > BOW * width)
+    return [dot for dot, each in zip(dots, is_passed, strict=True) if each]
 
 
-def _path_through(
-    numbers: Sequence[Box], places: Sequence[Sequence[int]], sights: Sequence[Sight], path: Sequence[Point]
-) -> list[Point]:
-    """Return the path through the numbers of the stops, or through the middle of those of one place."""
-    middles = {}
-    for stops in places:
-        x, y = np.mean([numbers[at][:2] for at in stops], axis=0)
-        middles.update({sights[at][0]: (float(x), float(y)) for at in stops})
-    return [middles.get(point, point) for point in path]
-
-
-def _unclear(places: Sequence[Sequence[int]], sights: Sequence[Sight], near_m: float) -> list[int]:
-    """Return the stops whose line of sight needs its number: at a shared place, or on the line of another."""
-    unclear = {at for stops in places if len(stops) > 1 for at in stops}
-    for at, sight in enumerate(sights):
-        crossings = (crossing_of(sight, other) for other in sights)
-        unclear |= {at for each in crossings if each and each[0] < near_m}
-    return sorted(unclear)
-
-
-def _write_beside(
-    axes: Any, text: str, sight: Sight, from_m: float, size: LabelSize, taken: Sequence[Box]
-) -> Box:
-    """Write the number of a stop beside its line of sight, where it is clearest; return its box."""
-    start, ahead = complex(*sight[0]), complex(*sight[1]) - complex(*sight[0])
-    ahead /= abs(ahead)
-    width, height = size.box(text)
-    slant = abs(ahead.real * ahead.imag)  # at which the corners of a text are far from the line
-    aside_m = 0.02 + (1 - 0.6 * slant) * (abs(ahead.imag) * width + abs(ahead.real) * height) / 2
-    along_m = np.linspace(from_m + 0.06, math.dist(*sight) - 0.12, 9)
-    tries = start + ahead * np.add.outer(along_m, (1j * aside_m, -1j * aside_m)).ravel()
-    boxes = np.array([(each.real, each.imag, 1.6 * width, 1.6 * height) for each in tries])
-    x, y = boxes[overlaps(boxes, np.array(taken)).sum(axis=1).round(4).argmin(), :2].tolist()
-    axes.text(x, y, text, weight='bold', fontsize=0.85 * POINTS, color=colours.ROUTE, zorder=6, **CENTRED)
-    return Box(x, y, width, height)
-
-
-def _draw_numbers(
-    axes: Any,
-    places: Sequence[Sequence[int]],
-    sights: Sequence[Sight],
-    path: Sequence[Point],
-    disc_m: float,
-) -> list[Box]:
-    """Draw the number of each stop on a disc, and those of one place on one shape; return their boxes."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    yaws = [float(np.angle(complex(*tag) - complex(*place))) for place, tag in sights]
-    rows = place_rows(
-        [sights[first][0] for first, *_ in places],
-        [[yaws[at] for at in stops] for stops in places],
-        [*sights, *itertools.pairwise(path)],
-        disc_m,
-    )
-    boxes: dict[int, Box] = {}
-    for stops, centres in zip(places, rows, strict=True):
-        ends = complex(*centres[0]) - disc_m * HALF_TURN, complex(*centres[-1]) + disc_m * HALF_TURN
-        outline = Outline([(each.real, each.imag) for each in np.concatenate(ends)], closed=True)
-        axes.add_patch(PathPatch(outline, **DISC_OF_NUMBER))
-        for at, centre in zip(stops, centres, strict=True):
-            axes.text(*centre, at + 1, **NUMBER)
-            boxes[at] = Box(*centre, 2 * disc_m, 2 * disc_m)
-    return [boxes[at] for at in range(len(sights))]
-
-
-def _write_numbers_beside(
-    axes: Any, stops: Sequence[Point], radius_m: float, scale: float, taken: Sequence[Box], bounds: Box
-) -> None:
-    """Write the numbers of stops beside small robots, each with a line to its robot."""
-    groups = group_stops(stops, scale * JOINED_M)
-    numbers = []
-    for group in groups:
-        x, y = np.mean([stops[at] for at in group], axis=0)
-        text = ', '.join(str(at + 1) for at in group)
-        numbers.append((text, Box(x, y, 2 * radius_m, 2 * radius_m), 'white'))
-    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.5', 'color': colours.ROUTE}
-    boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
-    for box, group in zip(boxes, groups, strict=True):
-        for stop in (stops[at] for at in group):
-            share = radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
-            ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
-            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=1.65)
-
-
-def group_stops(stops: Sequence[Point], joined_m: float) -> list[list[int]]:
-    """Return the indices of stops that are close to the first of their group."""
-    groups: list[list[int]] = []
-    for at, stop in enumerate(stops):
-        group = next((each for each in groups if math.dist(stops[each[0]], stop) < joined_m), [])
-        groups += [] if group else [group]
-        group.append(at)
-    return groups
+def _draw_sight(axes: Any, sight: Sight, passed: Sequence[Box], scale: float) -> Box:
+    """Draw a line of sight, in a bow around the dots that it passes; return what its head covers."""
+    start, tag = (complex(*end) for end in sight)
+    along = np.linspace(0.0, 1.0, SIGHT_POINTS if passed else 2)
+    aside, ahead = np.zeros_like(along), tag - start
+    for x, y, width, _ in passed:
+        dot = (complex(x, y) - start) / ahead
+        most = dot.imag - math.copysign(BOW * width / abs(ahead), dot.imag)
+        bowed = most * bow(along, min(max(dot.real, 0.1), 0.9))
+        aside = np.where(np.abs(bowed) > np.abs(aside), bowed, aside)
+    points = start + (along + 1j * aside) * ahead
+    axes.plot(points.real, points.imag, **SIGHT, zorder=1.45)
+    tip = tag - scale * BEFORE_TAG_M * ahead / abs(ahead)
+    return draw_head(axes, sight[0], (tip.real, tip.imag), scale * HEAD_M, colours.TAG_ID, edge=0.0)
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
