@@ -53,9 +53,9 @@ def figures(monkeypatch):
 
 @pytest.fixture
 def drawn(tmp_path, figures):
-    def draw(*visits, file=None, columns=3):
+    def draw(*visits, file=None, columns=3, options=()):
         report = file or write_report(tmp_path / 'report.jsonl', *visits)
-        assert main([str(report), '--columns', str(columns)]) == 0
+        assert main([str(report), '--columns', str(columns), *options]) == 0
         return figures[-1]
 
     return draw
@@ -71,20 +71,21 @@ def texts_in(figure) -> list[str]:
 
 def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn, shipped_tags):
     texts = texts_in(drawn(file=report))
-    extremes = 'lowest 22.6 °C at tag 1\nhighest 24.0 °C at tag 5'
-    assert {'temperature (°C)', 'CO₂ (ppm)', '1: 22.6', '5: 615', 'y (m)', extremes} <= set(texts)
+    assert {'temperature (°C)', 'CO₂ (ppm)', '1: 22.6', '5: 615', 'y (m)'} <= set(texts)
     lost = 'Tag \\$\\lost\\$ \nunknown tag\n: no such \\$tag'
     counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n'
-    count = f'1 of {len(shipped_tags)} tags'
-    for lines in ('Tag 7 \ntimeout\n: no reply before the timeout', lost, counts, count):
+    values = '2 of 10 tags with this sensor\nlowest 22.6 °C at tag 1\nhighest 24.0 °C at tag 5'
+    for lines in ('Tag 7 (light) \ntimeout\n: no reply before the timeout', lost, counts, values):
         assert lines in '\n'.join(texts)
+    assert 'Not shown: CO₂.' in texts_in(drawn(file=report, options=['--sensor', 'temperature']))
 
 
 def test_what_is_the_same_is_told_once(drawn):
     """The word of all failures in both keys, too, and one text of values at one time, without a ring."""
     failed = [visit(tag_id, 'TIMEOUT', 'no reply') for tag_id in ('7', '9')]
     texts = texts_in(drawn(visit('4', temperature=20.66), visit('5', temperature=20.67), *failed))
-    assert {'7', '9', 'timeout', '20.7 °C at tags 4 and 5'} <= set(texts)
+    values = '2 of 11 tags with this sensor\n20.7 °C at tags 4 and 5'  # tag 4 has one more than the layout
+    assert {'7', '9', 'timeout', values} <= set(texts)
     assert not any('lowest ' in text or ' to ' in text or SEVERAL_TIMES in text for text in texts)
     assert [texts.count(each) for each in ('timeout', 'lowest, highest')] == [3, 0]
 
@@ -163,7 +164,7 @@ def test_the_failed_tags_come_first_and_a_code_last(tmp_path, drawn, write_layou
     texts = texts_in(drawn(visit('1', co2=1.0), *failed))  # in lines of some length
     assert 'goal not reached' in (text := ' '.join(map(str.strip, texts)).replace(' :', ':'))
     reason = 'no path to 0.90,\u00a05.10\u00a0m (Nav2 code 208)'  # a position is on one line
-    assert f'Tags 7, 9 and A3 unreachable: {reason} Tag 10 unreachable: pose 1: {reason}' in text
+    assert f'Tags 7, 9 and A3 unreachable: {reason} Tag 10 (CO₂) unreachable: pose 1: {reason}' in text
 
 
 def rows_at(times_of_day):

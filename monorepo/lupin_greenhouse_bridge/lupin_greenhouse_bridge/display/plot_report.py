@@ -6,7 +6,7 @@ import math
 import textwrap
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.runtime.output import said_if_slow
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import clock_time, label_of, name_of, value_text
+from lupin_greenhouse_bridge.units import clock_time, label_of, name_of, sensor_order, value_text
 
 # In inches: from the left of a panel to that of the next one, between them, and of all columns.
 SMALLEST_PANEL, SMALLEST_GAP, WIDEST, INCHES_PER_M = 2.55, 0.3, 11.0, 0.52
@@ -152,8 +152,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
     FigureCanvasAgg(figure)  # measures texts
     keys = [_marks_of_ways(shown)] * has_ways + [_marks_of_values(shown, sensors)]
     key_columns = [2] * has_ways + [min(len(sensors), 2)]
-    # Below a title, beside those of a bar: two about the values, one of times, and the rows of a key.
-    about = 2 + has_times
+    # Below a title, beside those of a bar: three about the values, one of times, and the rows of a key.
+    about = 3 + has_times
     lines = [-(-len(marks) // columns) for marks, columns in zip(keys, key_columns, strict=True)]
     lines = [*lines[:-1], about + lines[-1], *[about] * (len(sensors) - 1)]
     panels = _panels_of(figure, max(lines), len(lines), shown, most_columns)
@@ -166,7 +166,11 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
         _draw_readings(axes, sensor, shown, limits[sensor], count)
     for axes, marks, columns, points in zip(panels, keys, key_columns, above, strict=False):
         _write_key(axes, shown, marks, columns, points)
-    _write_texts(panels[0].title, path.name, rows, failures, shown)
+    others = sorted(
+        {each for reading in readings.values() for each in reading} - {*sensors}, key=sensor_order
+    )
+    hidden = f'Not shown: {_listed(others)}.' if others else ''
+    _write_texts(panels[0].title, [hidden, escaped(path.name, 64)], rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
@@ -240,15 +244,16 @@ def _draw_readings(
     failed, values = _crosses_of(sensor, shown), _values_of(sensor, shown)
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
-    count = f'{len(values)} of {pluralized(len(tags), "tag")}' if len(values) < len(tags) else ''
+    owners = {tag_id for tag_id, tag in tags.items() if sensor in tag.sensors} | set(values)
+    count = f'{len(values)} of {pluralized(len(owners), "tag")} with this sensor'
     times = summary.times_text([each[sensor] for each in shown.readings.values() if sensor in each])
-    more = '\n'.join(filter(None, [*(text for text, _ in extremes), times]))
-    _write_title(axes, shown, label_of(sensor), more, lines, count)
+    more = '\n'.join(filter(None, [count, *(text for text, _ in extremes), times]))
+    _write_title(axes, shown, label_of(sensor), more, lines)
     _draw_dots(axes, [each for each in tags if each not in {*values, *failed}], shown, WITHOUT)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     points = axes.scatter(*_places_of(values, shown), c=list(values.values()), zorder=5, snap=False, **style)
     if ringed:
-        axes.scatter(*_places_of(ringed, shown), **RINGS, zorder=2, snap=False)
+        axes.scatter(*_places_of(ringed, shown), **RINGS, zorder=1.9, snap=False)
     sides_m = dict.fromkeys(failed, CROSS_M) | dict.fromkeys(values, DOT_M) | dict.fromkeys(ringed, RING_M)
     dots = _boxes_of(sides_m, shown)
     labels = [
@@ -268,22 +273,22 @@ def _left_of(axes: Any, shown: Greenhouse) -> float:
     return float(axes.transLimits.transform((shown.walls.x0, 0.0))[0])
 
 
-def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int, count: str = '') -> None:
-    """Write above the left wall a title, a count of tags beside it, and the first of the lines below it."""
+def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int) -> None:
+    """Write above the left wall a title, and the first of the lines below it."""
     left, columns = _left_of(axes, shown), axes.get_gridspec().ncols
     to_end = axes.figure.bbox.x1 - axes.bbox.x0 - left * axes.bbox.width
     room = min(0.96 * axes.figure.bbox.width / columns, to_end)
     above = ABOVE_LINES + LINE * lines
     first = axes.set_title(title, fontsize=12, pad=above, x=left, ha='left')
     style: Style = {'textcoords': 'offset points', 'fontsize': 9, 'color': '0.35', 'ha': 'left'}
-    beside = axes.annotate(count, (1, 0), (6, 0.7), xycoords=first, va='bottom', **style | {'fontsize': 8})
     below = axes.annotate(more, (left, 1), (0, above - 5), xycoords='axes fraction', va='top', **style)
     renderer = axes.figure.canvas.get_renderer()
-    for texts in ((first, beside), (below,)):
-        ends = [text.get_window_extent(renderer).x1 for text in texts]
-        wide = max(ends) - first.get_window_extent(renderer).x0
-        for text in texts if wide > room else ():
-            text.set_fontsize(0.9 * text.get_fontsize() * room / wide)  # small letters are a little wider
+    for text in (first, below):
+        box = text.get_window_extent(renderer)
+        if box.width > room:
+            text.set_fontsize(
+                0.9 * text.get_fontsize() * room / box.width
+            )  # small letters are a little wider
 
 
 def _write_labels(
@@ -400,7 +405,7 @@ def _time_text(form: str, row: Row) -> str:
 
 
 def _write_texts(
-    title: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
+    title: Any, notes: list[str], rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
 ) -> None:
     """Write above a title what was read, what failed and why, and when; and below the figure the rest."""
     drawn = sorted(
@@ -420,20 +425,33 @@ def _write_texts(
     lines += _lines_of([(day, 'black')], figure, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         told = (f'{word}:' if reason else word).replace(' ', NO_BREAK)
-        text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {told} {reason}'
+        text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]}{_lost_of(tag_ids, shown)} {told} {reason}'
         for part in _wrapped(text, figure, small):
             before, found, after = part.partition(told)
             red, tail = found[: len(word)].replace(NO_BREAK, ' '), found[len(word) :] + after
             pieces = (before, 'black'), (red, colours.FAILED), (tail, 'black')
             lines.append(_line_of([each for each in pieces if each[0]], small, 0))
-    when = 'wall time ' + ' to '.join(clocks) + _time_text(' %Z', last) + duration
+    when = 'real time ' + ' to '.join(clocks) + _time_text(' %Z', last) + duration
     greenhouse = f'{summary.greenhouse_times(between)} {summary.speed_text(rows)}'.rstrip()
     lines += _lines_of([(greenhouse, '0.35'), (when, '0.35')], figure, small)
     _write_lines(title, lines, title, 1.0, 12)
-    rest = [summary.SEVERAL_TIMES * shown.has_times, escaped(name, 64)]
+    rest = [summary.SEVERAL_TIMES * shown.has_times, *notes]
     texts = ([(text, '0.35')] for text in rest if text)
     lines = [line for text in texts for line in _lines_of(text, figure, {'fontsize': 9})]
     _write_lines(title, lines, figure.transFigure, 0.0, -8)
+
+
+def _lost_of(tag_ids: list[str], shown: Greenhouse) -> str:
+    """Return the sensors of a lone failed tag, in parentheses."""
+    tag = shown.layout.tags.get(tag_ids[0])
+    if tag is None or len(tag_ids) > 1 or not tag.sensors:
+        return ''
+    return f' ({_listed(tag.sensors)})'
+
+
+def _listed(sensors: Sequence[str]) -> str:
+    """Return the names of sensors, such as `light and soil moisture`."""
+    return names_text('sensor', [name_of(each) for each in sensors], MOST_NAMED).partition(' ')[2]
 
 
 def _write_lines(title: Any, lines: list[Any], of: Any, height: float, above: float) -> None:
