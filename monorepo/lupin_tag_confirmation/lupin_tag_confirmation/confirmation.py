@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
-from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, names_text, pluralized
 
 from lupin_tag_confirmation.images import UnusableImage
 from lupin_tag_confirmation.settings import Settings
@@ -136,7 +136,8 @@ class Confirmer:
         elif sightings:
             reason = f'seen in {sightings} of the {needed} images needed'
         elif others:
-            reason = f'other tag ids in view: {", ".join(map(str, sorted(others)))}'
+            ids = [str(each) for each in sorted(others)]
+            reason = f'in view instead: {names_text("tag", ids, len(ids))}'
         else:
             reason = f'no tag in view in {pluralized(len(usable), "image")}'
         return Verdict(sightings / needed, f'tag {number}: {reason}', usable[0])

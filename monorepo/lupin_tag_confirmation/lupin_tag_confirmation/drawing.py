@@ -11,9 +11,9 @@ from lupin_tag_confirmation.settings import Settings
 
 GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
 QUIET, PAPER = (210, 210, 210), (0, 0, 0)
-USUAL_SIZE, SMALLEST_SCALE = (540, 320), 0.75  # a larger picture has larger texts
-TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS, SPACING, MOST_LINES = 22, 17, 6, 1.25, 2
-LINE_PIXELS, FINER = 2.2, 4  # of an outline: its width, and how much finer it is drawn than it is shown
+USUAL_SIZE, SMALLEST_SCALE = (540, 320), 0.68  # a larger picture has larger texts
+TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS, SPACING, MOST_LINES = 23, 19, 6, 1.25, 2
+LINE_PIXELS, FINER = 2.4, 4  # of an outline: its width, and how much finer it is drawn than it is shown
 # In a square with sides of 1.
 TICK, CROSS = ((0, 0.5), (0.35, 0.9), (1, 0.1)), ((0, 0), (1, 1), (0.5, 0.5), (0, 1), (1, 0))
 
@@ -69,7 +69,7 @@ def _label_of(
     """Return the lines of a detection's label, and its colour."""
     if detection.tag_number != expected_number:
         return [f'tag {detection.tag_number}, not {expected_number}'], OTHER
-    contrast = f'contrast {detection.decision_margin:.0f}, {settings.min_decision_margin:g} needed'
+    contrast = f'contrast {detection.decision_margin:.0f} (needs {settings.min_decision_margin:g})'
     errors = [f'hamming {detection.hamming}'] if detection.hamming else []
     return [f'tag {detection.tag_number}', contrast, *errors], FLAWED if detection.flaw(settings) else GOOD
 

@@ -24,8 +24,8 @@ TAG_7 = picture_of_tag(7)
 def test_a_tag_that_is_not_there_is_said_after_the_timeout(start):
     perception = start(timeout_seconds=0.1)
     assert perception.confirm('7').error_message == 'tag 7: no image yet'
-    reason = perception.confirm_until('other tag ids', image_of(TAG_7), '8')
-    assert reason == 'tag 8: other tag ids in view: 7'
+    reason = perception.confirm_until('in view instead', image_of(TAG_7), '8')
+    assert reason == 'tag 8: in view instead: tag 7'
 
 
 def test_the_camera_is_watched_until_the_tag_appears(start):

@@ -60,7 +60,7 @@ def answer(confirmer, tag_id='7') -> tuple[float, str]:
     ('frames', 'criteria', 'message'),
     [
         ([[], []], {}, 'no tag in view in 2 images'),
-        ([[tag(9), tag(8)]] * 2, {}, 'other tag ids in view: 8, 9'),
+        ([[tag(9), tag(8)]] * 2, {}, 'in view instead: tags 8 and 9'),
         ([[tag(7, 19.9)]] * 2, {}, 'in view, but unclear: decision margin 20, 20 needed'),
         ([frame_of([GOOD], NOW, NOW - age) for age in (9.0, 3.0)], {}, 'the last image came 3.0 s ago'),
         ([refused('first'), refused('last')], {}, 'last'),
@@ -99,7 +99,7 @@ def test_frames_are_searched_only_when_asked_each_once_and_the_newest_first():
     assert not waiting.choose(now, now)
     for _ in range(3):
         assert answer(waiting) == (1.0, '')
-        assert answer(waiting, '8') == (0.0, 'tag 8: other tag ids in view: 7')
+        assert answer(waiting, '8') == (0.0, 'tag 8: in view instead: tag 7')
     assert searched == [5, 4, 3, 2]
 
 

@@ -55,4 +55,4 @@ def test_a_label_hides_no_tag_and_no_other_label():
 def test_the_bar_is_higher_in_a_large_picture_and_for_a_long_reason():
     choices = ((240, 320), ''), ((640, 1080), ''), ((240, 320), f'no: {list(range(99))}'), ((16, 16), 'no')
     pictures = (draw(np.full(shape, 128, np.uint8), [], 7, why, Settings()) for shape, why in choices)
-    assert [(picture[:, -1] == 0).all(axis=1).sum() for picture in pictures][:3] == [BAR, 115, BAR + 16]
+    assert [(picture[:, -1] == 0).all(axis=1).sum() for picture in pictures][:3] == [BAR, 124, BAR + 16]

@@ -47,7 +47,7 @@ def test_max_hamming_reaches_the_detector(source):
         (detections((7, 0, 50.0), family='tf36h11'), ''),
         (detections((7, 1, 50.0)), 'in view, but with 1 corrected bit, at most 0 allowed'),
         (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 image'),
-        (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tag ids in view: -7, 2147483647'),
+        (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'in view instead: tags -7 and 2147483647'),
         (detections((7, -1, float('nan'))), 'in view, but unclear: decision margin nan, 20 needed'),
     ],
 )
