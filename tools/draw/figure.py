@@ -106,9 +106,9 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         values = np.array([greenhouse.value(name, tag[:2], hour) for hour in hours])
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
-        note = 'this sensor has no noise' if (low == high).all() else ''
+        note = 'reading = value, no noise' if (low == high).all() else 'reading = value + noise'
         if (np.abs(low + high - 2 * values) > SKEWED * (high - low)).any():
-            note = 'highest of several noisy sources'
+            note = 'reading = highest of noisy sources'
         axes.set_title(label_of(name), loc='left')
         axes.set_title(note, loc='right', fontsize=0.85 * subsets.PART_POINTS, color='0.35')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}

@@ -38,7 +38,7 @@ SHORTEST_LINE_M = 0.3
 FIELD_CELLS = 80_000  # where two components meet, a coarser field has frayed lines
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
-TITLE_PAD, LAYOUT_POINTS, CHARACTER_M = 52.0, 11.5, 0.094  # above the axes of all tags, and of its texts
+TITLE_PAD, LAYOUT_POINTS, CHARACTER_M = 56.0, 12.5, 0.083  # above the axes of all tags, and of its texts
 TAG_AT = 0.3, 0.5  # the place in the part of the tag that is read, as shares of its sides
 Field: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]  # x, y and the values, row by row
 
@@ -52,7 +52,7 @@ def in_style(scheme: str, points: float, draw: Callable[..., Figure], *arguments
     """Return a figure in the light or the dark scheme with texts of this size."""
     pads = dict.fromkeys(('figure.constrained_layout.w_pad', 'figure.constrained_layout.h_pad'), 0.1)
     sizes = dict.fromkeys(('font.size', 'axes.titlesize', 'figure.titlesize'), points)
-    with pyplot.rc_context({'figure.dpi': 110} | SCHEMES[scheme] | pads | sizes):
+    with pyplot.rc_context({'figure.dpi': 220} | SCHEMES[scheme] | pads | sizes):
         return draw(*arguments)
 
 
@@ -77,7 +77,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     bar = drawings.draw_colour_bar(axes, axes.images[0], walls)
     texts = [*(units.value_text(options.sensor, each) for each in ends), *(f'{each:g}' for each in inner)]
     bar.set_ticks([*ends, *inner], labels=texts)
-    bar.ax.set_title(f'{name_at(options)} ({units.unit_of(options.sensor)})', pad=4)
+    bar.ax.set_title(f'{name_at(options)} ({units.unit_of(options.sensor)})', pad=6)
     return figure
 
 
@@ -97,7 +97,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     taken.append(draw_metre(axes, part, field_of(greenhouse, options.sensor, options.hour, part), size))
     taken = draw_field(axes, greenhouse, options, part, size, taken)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
-    axes.spines[:].set(visible=True, linewidth=72 / figure.dpi)
+    axes.spines[:].set(visible=True, linewidth=144 / figure.dpi)
     draw_tags(axes, greenhouse, seen, size, [*taken, *greenhouse.tables])
     write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
@@ -188,7 +188,7 @@ def draw_field(
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
-    around = [dot._replace(width=7 * dot.width, height=3 * dot.height) for dot in dots]
+    around = [dot._replace(width=5 * dot.width, height=3 * dot.height) for dot in dots]
     covered = [*taken, *around, *greenhouse.tables]
     values = write_values(axes, lines, part, units.unit_of(options.sensor), size, covered)
     return [*taken, *dots, *values]
@@ -235,8 +235,8 @@ def draw_tags(
         for number, letter in enumerate(subset):
             ends = (-90 - 360 * (number + after) / len(subset) for after in (1, 0))  # clockwise
             style = {'facecolor': colours[letter], 'edgecolor': ink, 'linewidth': points / 8, 'zorder': 5}
-            axes.add_patch(Wedge((x, y), size.height_m / 2, *ends, **style))
-        labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
+            axes.add_patch(Wedge((x, y), 0.46 * size.height_m, *ends, **style))
+        labels.append((f'{tag_id}: {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
     style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     bounds = placing.box_of(Walls(x0, y0, x1, y1))
