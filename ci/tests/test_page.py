@@ -229,7 +229,7 @@ def contrast(one: str, other: str) -> float:
 def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page):
     page, tags = open_page(report, width=1400), find_layout('').tags
     failed = list(tags)[3:5]
-    assert re.fullmatch(r'Readings, .*.to.*.UTC.\(28.s\)', page.evaluate(HEAD))
+    assert re.fullmatch(r'Simulated.readings, .*.to.*.UTC.\(28.s\)', page.evaluate(HEAD))
     counts = page.evaluate("document.getElementById('counts').textContent")
     assert counts == f'{len(tags) - 2} of {len(tags)} tags read · 2 timeout'
     facts = page.evaluate("document.getElementById('file').textContent")
@@ -543,7 +543,7 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
     for number, text in enumerate(texts, 1):
         assert report.name in text
         assert f'page {number} of 2' in text
-    assert 'temperature (°C)' in texts[0]
+    assert re.search(r'11: [0-9.]+, 12: [0-9.]+,\s+16: [0-9.]+', texts[0].replace('\xa0', ' '))  # of humidity
     assert texts[0].count('lowest') == 5  # above the large map, and beside each other one
     assert '(28 s), continued' in texts[1].replace('\xa0', ' ')
     assert 'Last reading of each tag' in texts[1]

@@ -420,7 +420,7 @@ def _write_texts(
         *((f'{count} {word}', colours.FAILED) for word, count in summary.failure_counts(failures).items()),
     ]
     figure, small = title.figure, {'fontsize': 10}
-    day = _time_text('Greenhouse readings, %d %b %Y', last)
+    day = _time_text('Simulated readings, %d %b %Y', last)
     lines = _lines_of(headline, figure, {'fontsize': 15, 'fontweight': 'bold'})
     lines += _lines_of([(day, 'black')], figure, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:

@@ -18,6 +18,7 @@ const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, an
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const BESIDE_LONE = 22;  // at both ends of a chart of points without a line, room for their labels
+const FROM_AXIS = 6;  // of a label in a chart
 const APART = 7;  // between points of a chart at one time, so that none covers another
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
@@ -118,7 +119,7 @@ function write_head() {
   const duration = ends.size > 1 ? ` (${whole(data.duration)})` : '', last = data.span_ms.at(-1);
   const span = ends.size ? `${[...ends].join(' to ')} ${short_zone(last)}${duration}` : '';
   const when = is_one_day && span ? [whole(date(last)), whole(span)] : [span];
-  element('title').textContent = ['Readings', ...when].filter(Boolean).join(', ');
+  element('title').textContent = ['Simulated readings', ...when].filter(Boolean).join(', ');
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
   const greenhouse = [data.greenhouse_times, data.speed].filter(Boolean).join(' ');
   write_pieces(element('file'), [data.title, greenhouse].filter(Boolean));
@@ -395,6 +396,9 @@ function draw_tab(sensor, number) {
   const key = mark(tab, 'span', { class: 'key' });
   key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
   for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
+  const read = data.tags.filter(tag => (tag.values[number] ?? null) !== null);
+  const values = read.map(tag => `${tag.id}:\u00a0${tag.values[number].toFixed(sensor.decimals)}`);
+  if (read.length <= MOST_ON_PAPER) mark(tab, 'span', { class: 'paper' }, values.join(', '));
 }
 
 function draw_small_map(tab, sensor) {
@@ -553,8 +557,7 @@ function time_axis(width) {
   const slack = Math.max((last - first) * 0.01, is_wall ? 250 : 300000);
   const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / (is_wall ? 64 : 40), 1);
   const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
-  const half = first % step % (step / 2) ? 0 : first % step;  // a tick at the first time, if that is round
-  const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : half;
+  const offset = is_wall ? new Date(first).getTimezoneOffset() * 60000 : 0;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
   const wall_text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
   return {
@@ -644,7 +647,7 @@ function draw_chart({ sensor, place, readout, size: [width, height], values, lab
     return { points, text: end_text(sensor, tag), is_bold, group: draw_line(svg, tag, points, is_bold) };
   });
   lines.sort((one, other) => other.is_bold - one.is_bold);  // which have labels first
-  label_lines(lines, [left, 0, labels.count ? right + 6 : width, y(values.bottom)], labels, right + 14);
+  label_lines(lines, [left + FROM_AXIS, 0, labels.count ? right + 6 : width, y(values.bottom)], labels, right + 14);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
   place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
