@@ -89,8 +89,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     ends = zip(tags[read_id][:2], TAG_AT, walls[:2], walls[2:], strict=True)
     x, y = (min(max(at - share * side_m, low), high - side_m) for at, share, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
-    figure = pyplot.figure(figsize=(6.4, 8.6), layout='constrained')
-    axes = figure.add_subplot()
+    figure, axes = pyplot.subplots(figsize=(6.4, 8.6), layout='constrained')
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size, placing.box_of(part))
@@ -103,7 +102,9 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
     shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
     more = 'warmer' if options.sensor == 'temperature' else 'higher'
-    axes.set_title(f'Each tag has the colours of its sensors.\nShades: {name_at(options)}, {shade} = {more}')
+    shown = 'Part of the' if side_m < max(walls.x1 - walls.x0, walls.y1 - walls.y0) else 'The'
+    shades = f'Shades: {name_at(options)}, {shade} = {more}'
+    axes.set_title(f'{shown} greenhouse, tags in sensor colours\n{shades}')
     return figure
 
 
