@@ -541,13 +541,13 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
     sheets = pypdfium2.PdfDocument(page.pdf(**PAPER))
     texts = [sheet.get_textpage().get_text_range() for sheet in sheets]
     for number, text in enumerate(texts, 1):
-        assert report.name in text
-        assert f'page {number} of 2' in text
+        assert f'{report.name} page {number} of 2' in ' '.join(text.split())
     assert re.search(r'11: [0-9.]+, 12: [0-9.]+,\s+16: [0-9.]+', texts[0].replace('\xa0', ' '))  # of humidity
     assert texts[0].count('lowest') == 5  # above the large map, and beside each other one
     assert '(28 s), continued' in texts[1].replace('\xa0', ' ')
     assert 'Last reading of each tag' in texts[1]
     assert 'When each tag was read' in texts[1]
+    assert 'There is no tag 8.' in texts[1]
     assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
 
 

@@ -134,7 +134,7 @@ def times_text(rows: list[Row]) -> str:
     """Return from when to when rows were read in the greenhouse; '' if at one time."""
     ordered = sorted(rows, key=lambda row: row.stamp_ns)
     start, end = (clock_time(row.sim_time_of_day_seconds) for row in (ordered[0], ordered[-1]))
-    return f'read from {start} to {end}' if start != end else ''
+    return f'greenhouse time {start} to {end}' if start != end else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:

@@ -105,7 +105,7 @@ def test_tags_with_the_same_value_are_all_named_and_ringed(drawn):
     values = {'1': 600.2, '3': 599.9, '5': 700.0}
     night = visit('12', co2=650.0) | {'sim_time_of_day_seconds': 3600.0}
     figure = drawn(*(visit(tag_id, co2=value) for tag_id, value in values.items()), night)
-    extremes = 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5\nread from 12:00 to 01:00'
+    extremes = 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5\ngreenhouse time 12:00 to 01:00'
     assert all(each in ' '.join(texts_in(figure)) for each in (extremes, SEVERAL_TIMES))
     assert len(figure.axes[0].collections[1].get_offsets()) == 3  # the rings
 
