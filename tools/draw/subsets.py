@@ -101,9 +101,10 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
     shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
-    more = 'warmer' if options.sensor == 'temperature' else 'higher'
     shown = 'Part of the' if side_m < max(walls.x1 - walls.x0, walls.y1 - walls.y0) else 'The'
-    shades = f'Shades: {name_at(options)}, {shade} = {more}'
+    shades = (
+        f'Shades: {name_at(options)}, {shade} = {"warmer" if options.sensor == "temperature" else "higher"}'
+    )
     axes.set_title(f'{shown} greenhouse, tags in sensor colours\n{shades}')
     return figure
 
