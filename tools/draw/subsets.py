@@ -61,8 +61,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 2.75), layout='constrained')
-    axes = figure.add_subplot()
+    figure, axes = pyplot.subplots(figsize=(max(width, 4.3) + 0.8, height + 2.75), layout='constrained')
     size = drawings.LABELS._replace(character_m=CHARACTER_M).times(scale * LAYOUT_POINTS / drawings.POINTS)
     taken = draw_field(axes, greenhouse, options, walls, size, [])
     axes.set(xlabel='x (m)', ylabel='y (m)')
@@ -101,10 +100,9 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     write_key(figure, greenhouse, 2, loc='outside lower center', bbox_to_anchor=None)
     figure.suptitle(f'A robot reads tag {read_id} in the simulator', weight='bold')
     shade = 'darker' if axes.get_facecolor()[:3] == (1.0, 1.0, 1.0) else 'lighter'
+    more = 'warmer' if options.sensor == 'temperature' else 'higher'
     shown = 'Part of the' if side_m < max(walls.x1 - walls.x0, walls.y1 - walls.y0) else 'The'
-    shades = (
-        f'Shades: {name_at(options)}, {shade} = {"warmer" if options.sensor == "temperature" else "higher"}'
-    )
+    shades = f'Shades: {name_at(options)}, {shade} = {more}'
     axes.set_title(f'{shown} greenhouse, tags in sensor colours\n{shades}')
     return figure
 
