@@ -823,7 +823,7 @@ element('blanks').hidden = !(data.is_complete && has_blanks);
 const numbers = data.tags.map(({ id }) => Number(id)), last = Math.max(...numbers);
 const up_to_last = Array.from({ length: last <= numbers.length + MOST_MISSING ? last : 0 }, (_, n) => String(n + 1));
 const missing = up_to_last.filter(id => !numbers.includes(Number(id)));
-if (missing.length) element('no_tags').textContent = ` There is no tag ${either.format(missing)}.`;
+if (missing.length) element('no_tags').textContent = `There is no tag ${either.format(missing)}.`;
 element('goals').hidden = !placed_tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
