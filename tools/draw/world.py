@@ -58,7 +58,7 @@ def draw_above() -> Figure:
     corners = [pixel(*at, z) for at in ((x0, y0), (x0, y1), (x1, y1), (x1, y0)) for z in (0.0, height)]
     left, top = np.min(corners, axis=0) - MARGIN_PIXELS
     right, bottom = np.add(np.max(corners, axis=0), (MARGIN_PIXELS, 5 * MARGIN_PIXELS))
-    figure = pyplot.figure(figsize=(8.2, 8.2 * (bottom - top) / (right - left)))
+    figure = pyplot.figure(figsize=(8.2, 8.2 * (bottom - top) / (right - left)), dpi=200)
     axes: Any = figure.add_axes((0, 0, 1, 1), xlim=(left, right), ylim=(bottom, top))
     picture = world.look(*view)
     axes.imshow(np.where((picture == picture[0, 0]).all(axis=-1, keepdims=True), 255, picture))  # a white sky
