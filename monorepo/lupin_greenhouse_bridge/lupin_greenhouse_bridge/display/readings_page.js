@@ -602,7 +602,7 @@ function draw_charts(is_again = false) {
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  const line = is_line ? 'line is a tag with its number' : 'point is one tag';
+  const line = is_line ? 'line is a tag with its number' : 'point is a tag with its number';
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   const beside_others = document.querySelector('.beside')
