@@ -179,8 +179,8 @@ const parts = ({ box, leader }) => [box, ...leader];
 // this line, and whether it is needed to tell whose label it is. If it must, a label may cross the `route`, may
 // be nearer to another of the `dots`, and may lie where other labels are planned, which `weight` makes dear. It is
 // beside, above or below its dot, slanting, or at `more` places, in shares of the distance aside and above.
-// At both ends of a text is an empty `pad`.
-function place_label({ x, y, radius, width, pad = 0 }, boxes_around, weight = 25) {
+// At both ends of a text is an empty `pad`. A place `beside` the dot can cost more, as a share of the area.
+function place_label({ x, y, radius, width, pad = 0, beside = 0 }, boxes_around, weight = 25) {
   const { taken, room, route, dots = [], more = [], plans = new Map() } = boxes_around;
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
@@ -206,8 +206,8 @@ function place_label({ x, y, radius, width, pad = 0 }, boxes_around, weight = 25
       const is_at_stop = nearer.some(dot => !dot.outer);
       const is_close = near.some(dot => gap(box, dot) < dot.outer + CLEAR);
       const cost = 9999 * (covered > 1) + 99 * covered + 9 * shared_by(place, steps) + weight * shared_by(place, others)
-        + (0.2 * far + 0.8 * is_misread + 0.35 * is_at_stop + 0.1 * is_close + 0.1 * (number > 3) + 0.005 * number)
-        * area;
+        + (0.2 * far + 0.8 * is_misread + 0.35 * is_at_stop + 0.1 * is_close + 0.1 * (number > 3) + 0.005 * number
+          + beside * (number < 2)) * area;
       if (cost < best.cost) best = { ...place, cost, covered, has_leader: far > 0 || is_misread };
     });
   }
@@ -312,6 +312,7 @@ function draw_map() {
     const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme(sensor, tag) ? 3 : 0);
     const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
     const label = { x: frame.x(tag.x), y: frame.y(tag.y), radius: outer, width, pad: SPACE / 2 };
+    label.beside = tag.has_failed ? 0.2 : 0;  // where it would look like a part of the next value
     return { ...label, label, text, tag, value, radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
