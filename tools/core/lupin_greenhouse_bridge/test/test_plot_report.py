@@ -82,10 +82,8 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
 
 def test_what_is_the_same_is_told_once(drawn):
     """The word of all failures in both keys, too, and one text of values at one time, without a ring."""
-    failed = [visit(tag_id, 'TIMEOUT', 'no reply') for tag_id in ('7', '9')]
-    texts = '\n'.join(texts_in(drawn(*(visit(each, temperature=20.66) for each in '45'), *failed))).split(
-        '\n'
-    )
+    visits = [*(visit(each, temperature=20.7) for each in '45'), *(visit(each, 'TIMEOUT') for each in '79')]
+    texts = '\n'.join(texts_in(drawn(*visits))).split('\n')
     assert {'7', '9', 'timeout', '20.7 °C at tags 4 and 5'} <= set(texts)
     assert not any('lowest ' in text or ' to ' in text or SEVERAL_TIMES in text for text in texts)
     assert [texts.count(each) for each in ('timeout', 'lowest, highest')] == [3, 0]
