@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
 
 LONGEST_REASON = 300  # characters
+MOST_UNUSED = 3  # numbers without a tag that a text names
 MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
 LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
 MOST_AT_ONCE_NS = 2 * 10**9  # between two that tell its step
@@ -54,6 +55,16 @@ def is_complete(sensors_of: Mapping[str, Iterable[str]], sensors: Iterable[str],
         tag_id in layout.tags and {*sensors}.difference(found).isdisjoint(layout.tags[tag_id].sensors)
         for tag_id, found in sensors_of.items()
     )
+
+
+def unused_numbers(layout: Layout) -> str:
+    """Return which numbers up to the largest one are no id; '' if they are many, or an id is no number."""
+    numbers = {int(tag_id) for tag_id in layout.tags if tag_id.isdecimal() and len(tag_id) < 10}
+    if not len(layout.tags) == len(numbers) >= max(numbers, default=0) - MOST_UNUSED:
+        return ''
+    unused = [str(each) for each in range(1, max(numbers)) if each not in numbers] if numbers else []
+    verb = 'is' if len(unused) == 1 else 'are'
+    return f'There {verb} no {names_text("tag", unused, len(unused))}.' if unused else ''
 
 
 def failure_counts(failures: Iterable[Failures]) -> dict[str, int]:

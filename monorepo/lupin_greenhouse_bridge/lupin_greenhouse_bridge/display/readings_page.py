@@ -170,6 +170,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
         'is_of_several_times': len(times_of_day) > 1,
         'is_complete': summary.is_complete(values_of, sensors, layout),
+        'unused_numbers': summary.unused_numbers(layout),
         'speed': summary.speed_text(rows),
         'clock': summary.clock_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),

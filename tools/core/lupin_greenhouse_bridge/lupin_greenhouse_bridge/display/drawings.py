@@ -352,14 +352,16 @@ def draw_route(
     taken += write_labels(axes, ends, ENDS.times(scale), taken, bounds, weight='bold', zorder=6)
     write_labels(axes, labels, IDS.times(scale), taken, bounds, zorder=6)
     are_shared = len(places_of([place for place, _ in sights], robot_radius_m)) < len(stops)
-    heading = 'heading to tag' if are_facing else 'to tag'
+    heading, past = 'heading to tag', 'heading past a stop'
+    if not are_facing:
+        heading, past = 'to tag', 'to tag, past a stop'
     marks: dict[str, Mark] = {
         'route': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         'stop and its number': STOP,
         **({'stops at one place': STOPS_AT_ONE_PLACE} if are_shared else {}),
         'tag and its id': TAG_AND_ID,
         heading: AIMED,
-        **({f'{heading.removesuffix("to tag")}past a stop': PAST_A_STOP} if any(passed) else {}),
+        **({past: PAST_A_STOP} if any(passed) else {}),
         **({} if are_facing else {'heading not to tag': TURNED}),
         f'robot, radius {robot_radius_m:g} m': DISC,
         **({'table': point_style('s', colours.ROUTE_TABLE, 9)} if layout.tables else {}),

@@ -165,10 +165,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str, most_columns:
         _draw_readings(axes, sensor, shown, limits[sensor], count)
     for axes, marks, columns, points in zip(panels, keys, key_columns, above, strict=False):
         _write_key(axes, shown, marks, columns, points)
-    others = sorted(
-        {each for reading in readings.values() for each in reading} - {*sensors}, key=sensor_order
-    )
-    hidden = f'Not shown: {_listed(others)}.' if others else ''
+    others = set().union(*readings.values()).difference(sensors)
+    hidden = f'Not shown: {_listed(sorted(others, key=sensor_order))}.' if others else ''
     _write_texts(panels[0].title, [hidden, escaped(path.name, 64)], rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
@@ -283,11 +281,9 @@ def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int
     below = axes.annotate(more, (left, 1), (0, above - 5), xycoords='axes fraction', va='top', **style)
     renderer = axes.figure.canvas.get_renderer()
     for text in (first, below):
-        box = text.get_window_extent(renderer)
-        if box.width > room:
-            text.set_fontsize(
-                0.9 * text.get_fontsize() * room / box.width
-            )  # small letters are a little wider
+        share = room / text.get_window_extent(renderer).width
+        if share < 1.0:
+            text.set_fontsize(0.9 * share * text.get_fontsize())  # small letters are a little wider
 
 
 def _write_labels(

@@ -17,7 +17,6 @@ const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, an
 const LANE = 3;  // between parts of the route that share a piece
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const BESIDE_LONE = 22;  // at both ends of a chart of points without a line, room for their labels
-const MOST_MISSING = 3;  // numbers without a tag that the page tells
 const FROM_AXIS = 6;  // of a label in a chart
 const APART = 7;  // between points of a chart at one time, so that none covers another
 const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
@@ -108,7 +107,7 @@ const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
 // Returns the names of the sensors that a failed tag has.
-const list = new Intl.ListFormat('en-GB'), either = new Intl.ListFormat('en-GB', { type: 'disjunction' });
+const list = new Intl.ListFormat('en-GB');
 const lost_of = tag => list.format(data.sensors.filter(each => each.failed[tag.number]).map(each => each.name));
 
 // The head
@@ -398,8 +397,9 @@ function draw_tab(sensor, number) {
   key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
   for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
   const read = data.tags.filter(tag => (tag.values[number] ?? null) !== null);
-  const values = read.length > MOST_ON_PAPER ? null : mark(tab, 'span', { class: 'paper' });
-  read.forEach((tag, at) => values?.append(at ? ', ' : '', mark(values, 'b', {}, tag.id),
+  if (read.length > MOST_ON_PAPER) return;
+  const values = mark(tab, 'span', { class: 'paper' });
+  read.forEach((tag, at) => values.append(at ? ', ' : '', mark(values, 'b', {}, tag.id),
     `:\u00a0${tag.values[number].toFixed(sensor.decimals)}`));
 }
 
@@ -602,7 +602,7 @@ function draw_charts(is_again = false) {
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  const line = is_line ? 'line is a tag with its number' : 'point is a tag with its number';
+  const line = `${is_line ? 'line' : 'point'} is a tag with its number`;
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   const beside_others = document.querySelector('.beside')
@@ -820,10 +820,7 @@ element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;
 const has_blanks = tags_in_table.some(tag => !tag.has_failed && tag.values.includes(null));
 element('blanks').hidden = !(data.is_complete && has_blanks);
-const numbers = data.tags.map(({ id }) => Number(id)), last = Math.max(...numbers);
-const up_to_last = Array.from({ length: last <= numbers.length + MOST_MISSING ? last : 0 }, (_, n) => String(n + 1));
-const missing = up_to_last.filter(id => !numbers.includes(Number(id)));
-if (missing.length) element('no_tags').textContent = `There is no tag ${either.format(missing)}.`;
+element('unused').textContent = data.is_complete ? data.unused_numbers : '';
 element('goals').hidden = !placed_tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
