@@ -86,6 +86,7 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     (tag,) = (each for each in data['tags'] if each['id'] == '1')
     assert (tag['values'], tag['stamp_ms']) == ([None, 700.0], (START_S + 5) * 1000)
     assert len(data['tags']) == len(shipped_tags)
+    assert data['unused_numbers'] == ('There is no tag 8.' if '30' in shipped_tags else '')
     assert not data['is_complete']  # tag 1 also has a temperature
 
 
