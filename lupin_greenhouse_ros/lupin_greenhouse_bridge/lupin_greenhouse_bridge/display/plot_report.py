@@ -282,9 +282,9 @@ def _write_title(axes: Any, shown: Greenhouse, title: str, more: str, lines: int
     below = axes.annotate(more, (left, 1), (0, above - 5), xycoords='axes fraction', va='top', **style)
     renderer = axes.figure.canvas.get_renderer()
     for text in (first, below):
-        share = room / text.get_window_extent(renderer).width
-        if share < 1.0:
-            text.set_fontsize(0.9 * share * text.get_fontsize())  # small letters are a little wider
+        width = text.get_window_extent(renderer).width
+        if width > room:
+            text.set_fontsize(0.9 * text.get_fontsize() * room / width)  # small letters are a little wider
 
 
 def _write_labels(
