@@ -153,7 +153,7 @@ def start(monkeypatch, run_nodes, clock):  # noqa: ARG001 - the robot has its cl
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
     client = start(route_file=str(tmp_path / 'route.csv'), robot_radius_m=0.2)
     goal = client.send(FAR)
-    wait_until(lambda: client.feedback)
+    wait_until(lambda: client.feedback and client.odometry and client.estimates)  # three topics
     clock.pass_seconds(5.0)
     wait_until(lambda: client.feedback[-1].feedback.distance_remaining < FreeSpace.length_m([START, FAR[:2]]))
     feedback = client.feedback[-1].feedback
