@@ -9,7 +9,6 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
-        (f'share/{package_name}/security', ['security/policy.xml']),
         (f'share/{package_name}/launch', ['launch/inspection.launch.py', 'launch/mission.launch.py']),
         (f'share/{package_name}/config', ['config/mission_orchestrator.yaml']),
     ],

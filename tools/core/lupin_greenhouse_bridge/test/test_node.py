@@ -25,7 +25,8 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
 FORGED = '1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J'
-POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+POLICY_FILE = Path(__file__).resolve().parent.parent / 'security/policy.xml'
+POLICY = ElementTree.parse(POLICY_FILE).getroot()
 RIGHTS = {'reply': 'service', 'request': 'client', 'publish': 'publisher', 'subscribe': 'subscriber'}
 # Distros before Jazzy do not have it; an unused right does no harm.
 NOT_EVERYWHERE = {'~/get_type_description'}
@@ -165,7 +166,10 @@ def what_has(graph, node, namespace):
 
 def test_the_policy_has_the_form_of_sros2_0_2_0():
     assert (POLICY.tag, POLICY.attrib) == ('policy', {'version': '0.2.0'})
-    assert [each.get('path') for each in POLICY.iter('enclave')] == ['/greenhouse_bridge', '/read_tag']
+    with_comments = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    enclaves = ElementTree.parse(POLICY_FILE, with_comments).getroot().find('enclaves')
+    # sros2 takes every child for an enclave, a comment too.
+    assert [each.get('path') for each in enclaves] == ['/greenhouse_bridge', '/read_tag']
     for profile in POLICY.iter('profile'):
         assert profile.attrib.keys() == {'ns', 'node'}
         for group in profile:
