@@ -6,23 +6,22 @@ DISTRO ?= kilted
 PYTHON ?= python3
 override VENV := $(or $(VENV),.venv)
 TREES := monorepo lupin_greenhouse_ros
-TARGETS := help run smoke read mission page world world-check tags \
+TARGETS := help run smoke read mission page world tags \
     env build bridge generate generate-check drift test test-tree lint docs-check figure clean lock \
     bench soak test-network test-heavy matrix test-apriltag test-22-04 \
     mirror-publish mirror-publish-check mirror-import
 # The variables that a target takes beside COMMON.
 TAKES_run := NAMESPACE ARGS
 TAKES_read := TAG NAMESPACE ARGS
-TAKES_mission := CAMERA DRIVE WORLD RECORD ARGS
+TAKES_mission := CAMERA DRIVE RECORD ARGS
 TAKES_page := FILE ARGS
 TAKES_world := ARGS
-TAKES_world-check := ARGS
 TAKES_tags := SIDE ARGS
 TAKES_build := PACKAGES
 TAKES_generate := ARGS
 TAKES_test := WORKERS
 TAKES_test-tree := PACKAGES WORKERS
-TAKES_figure := WORLD PAGE ARGS
+TAKES_figure := PAGE ARGS
 TAKES_bench := SHORT ARGS
 TAKES_soak := SHORT REFUSALS SIGNALS ARGS
 TAKES_test-network := SHORT ARGS
@@ -35,7 +34,7 @@ VALUE_mission := RECORD
 VALUE_page := FILE
 VALUE_tags := SIDE
 VALUE_mirror-import := PATCH
-SWITCHES := CAMERA DRIVE PAGE SHORT WORLD
+SWITCHES := CAMERA DRIVE PAGE SHORT
 ON := 1 yes Yes YES on On ON true True TRUE
 OFF := 0 no No NO off Off OFF false False FALSE
 CAMERAS := image compressed detections
@@ -118,7 +117,7 @@ BUILD := "$$VENV/bin/python" -ES ci/build.py
 WITHIN := "$$VENV/bin/python" -ES ci/within.py
 
 # Their programs use packages that only the monorepo has, whatever TREE says.
-bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
+bench docs-check figure soak tags test-network world: override TREE := monorepo
 
 .PHONY: $(TARGETS) figure-check page-check mission-check namespace-check python-check run-check soak-check tags-check
 
@@ -144,17 +143,15 @@ smoke: bridge  ## start the bridge on a private domain and read every tag
 read: namespace-check bridge  ## read tags from a running bridge (default: tag 1): make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service $(call QUOTED,$(NAMESPACE)/greenhouse_bridge/get_tag_reading)) $(ARGS)
 
-mission: IN_MISSION = $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins)))
+mission: IN_MISSION = $(addprefix $(WITHIN) ,$(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))
 mission: INSPECTION = $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' $(if $(CAMERA),--camera $(CAMERA:1=image)) \
-    $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record "$$RECORD") $(ARGS)
-mission: mission-check $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
+    $(if $(DRIVE),--drive) $(if $(RECORD),--record "$$RECORD") $(ARGS)
+mission: mission-check $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
 	@$(if $(IN_MISSION),$(IN_ENV) $(INSPECTION) --check)
 	@$(IN_ENV) $(IN_MISSION) $(INSPECTION)
 
 mission-check:
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
-	@[ -z '$(and $(WORLD),$(filter compressed detections,$(CAMERA)))' ] \
-	    || { echo 'mission: WORLD=1 renders images, so CAMERA=$(CAMERA) does not fit: leave CAMERA out' >&2; exit 2; }
 	@[[ ! "$$RECORD" || "$${RECORD,,}" =~ \.(sqlite|db|csv)$$ ]] \
 	    || { echo "mission: RECORD='$$RECORD' ends in none of .sqlite, .db, .csv: write RECORD=readings.sqlite" >&2; exit 2; }
 	@folder=$$(dirname "$$RECORD"); [ -d "$$folder" ] \
@@ -176,11 +173,6 @@ page-check:
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
-
-world-check: CHECK_WORLD = $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
-world-check: build  ## check with Drake that the camera can detect each tag of that world
-	@$(IN_ENV) $(CHECK_WORLD) --check
-	@$(IN_ENV) $(WITHIN) --drake $(CHECK_WORLD)
 
 tags: tags-check build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
@@ -234,11 +226,10 @@ docs-check: build  ## check links, shell blocks, parameters, ROS graphs and file
 figure: figure-check build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
-	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 
 figure-check:
-	@[[ ! "$(PAGE)$(WORLD)" || ! "$$ARGS" ]] \
-	    || { echo 'figure: PAGE=1 and WORLD=1 draw the committed pictures and take no ARGS: leave one of them out' >&2; exit 2; }
+	@[[ ! "$(PAGE)" || ! "$$ARGS" ]] \
+	    || { echo 'figure: PAGE=1 draws the committed pictures and takes no ARGS: leave one of them out' >&2; exit 2; }
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
 	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench

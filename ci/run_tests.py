@@ -8,7 +8,6 @@ of its packages; for the matrix, PYTHONS, DISTROS and SIMULATORS do. Exit code 1
 """
 
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -174,10 +173,6 @@ def test_heavy() -> bool:
         Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'),
         *jobs_of_tree(other, other.packages()),
     ]
-    if platform.machine() == 'x86_64':  # Drake has no wheel for other processors
-        check_world = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
-        world = [*BOUNDED, *within(monorepo, check_world, has_drake=True)]
-        jobs.insert(2, Job('world', world, logs / 'world.log'))
     # Last, because it reads the results of the mirror.
     return run(jobs, AT_ONCE) and run([pytest_job('ci', '-m', 'heavy', 'ci/tests')])
 

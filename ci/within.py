@@ -1,10 +1,9 @@
 """
 Run a command in the project's environment, in the folder where you are, with what it needs beside TREE.
 
-    python ci/within.py [--stand-ins] [--drake] COMMAND [ARGUMENT...]
+    python ci/within.py [--stand-ins] COMMAND [ARGUMENT...]
 
 --stand-ins: apriltag_msgs and nav2_msgs, built from ci/stand_ins where ROS does not have them.
---drake: reads and renders the SDF world. Exit code 3: Drake has no wheel for this machine.
 """
 
 import ctrl_c  # noqa: F401
@@ -13,8 +12,6 @@ import ctrl_c  # noqa: F401
 import argparse
 import functools
 import os
-import platform
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,8 +21,6 @@ from build import ROOT, Workspace, build, here
 from jobs import Word, end
 
 MESSAGES = ('apriltag_msgs', 'nav2_msgs')
-DRAKE = 'drake==1.51.1'  # installed without its dependencies
-NO_DRAKE = 3
 # Before a command: ros_env.bash has said so of a tree that is not built.
 IS_THERE = """
 type -P "$0" >/dev/null || {
@@ -55,32 +50,8 @@ def stand_ins(workspace: Workspace) -> tuple[Workspace, ...]:
     return (built,)
 
 
-def drake(workspace: Workspace) -> Path:
-    """Install Drake, without its dependencies, outside the environment; return its folder."""
-    packages = Path(f'{workspace.venv}-world')
-    installed = packages / 'installed.txt'
-    if installed.exists() and installed.read_text(encoding='utf-8') == DRAKE:
-        return packages
-    print(f'world: installing Drake into {packages} (about 420 MB, once)', file=sys.stderr)
-    shutil.rmtree(packages, ignore_errors=True)
-    try:
-        pip(workspace.venv, 'install', '--no-deps', '--target', packages, DRAKE)
-    except SystemExit as error:
-        if 'No matching distribution' not in str(error):
-            raise
-        machine = f'Python {platform.python_version()} on {platform.machine()}'
-        print(f'world: Drake has no wheel for {machine}: the world cannot be rendered here', file=sys.stderr)
-        sys.exit(NO_DRAKE)
-    installed.write_text(DRAKE, encoding='utf-8')
-    return packages
-
-
-def within(
-    workspace: Workspace, *command: Word, has_stand_ins: bool = False, has_drake: bool = False
-) -> list[str]:
-    """Return what runs a command with the packages of a workspace and the stand-ins or Drake."""
-    if has_drake:
-        command = ('bash', '-c', 'PYTHONPATH=$PYTHONPATH:$0 exec "$@"', drake(workspace), *command)
+def within(workspace: Workspace, *command: Word, has_stand_ins: bool = False) -> list[str]:
+    """Return what runs a command with the packages of a workspace, and with the stand-ins."""
     return workspace.inside(*command, above=stand_ins(workspace) if has_stand_ins else ())
 
 
@@ -88,13 +59,12 @@ def main() -> NoReturn:
     """Replace this process by the command."""
     parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.strip().splitlines()[0])
     parser.add_argument('--stand-ins', action='store_true', help='with apriltag_msgs and nav2_msgs')
-    parser.add_argument('--drake', action='store_true', help='with Drake, which renders the world')
     parser.add_argument('command', nargs=argparse.REMAINDER, help='what to run')
     options = parser.parse_args()
     if not options.command:
         parser.error('name the COMMAND to run, such as bash')
     asked = ('bash', '-c', IS_THERE, *options.command)
-    command = within(here(), *asked, has_stand_ins=options.stand_ins, has_drake=options.drake)
+    command = within(here(), *asked, has_stand_ins=options.stand_ins)
     os.execvp(command[0], command)  # noqa: S606 - no shell is wanted
 
 

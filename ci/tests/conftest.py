@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import platform
 import subprocess
 from pathlib import Path
 
@@ -19,10 +18,6 @@ ENVIRONMENTS = {
 }
 
 NEED_LAUNCH = {'test_bring_up'}  # run where launch is installed
-# Drake has a wheel for x86_64 only. There, a failed installation fails the tests.
-needs_drake = pytest.mark.skipif(
-    platform.machine() != 'x86_64', reason='Drake has no wheel for this processor'
-)
 
 
 def run(

@@ -20,7 +20,7 @@ PACKAGE_XMLS = sorted(path for tree in ENVIRONMENTS for path in ROOT.glob(f'{tre
 KEYS = {'PIL': 'python3-pil', 'cv2': 'python3-opencv', 'yaml': 'python3-yaml'}
 OPTIONAL = {'argcomplete'}  # read_tag works without it
 # rosdep has no key: pip or apt brings them, as the documents say.
-WITHOUT_KEY = {'apriltag', 'greenhouse_sim', 'pydrake'}
+WITHOUT_KEY = {'apriltag', 'greenhouse_sim'}
 MIRROR = ROOT / 'lupin_greenhouse_ros'
 PIXI = generate.tomllib.loads((MIRROR / 'pixi.toml').read_text(encoding='utf-8'))
 

@@ -6,7 +6,7 @@ import re
 import sys
 
 import pytest
-from conftest import ROOT, make, needs_drake, of_a_user, run
+from conftest import ROOT, make, of_a_user, run
 
 REPORT = {
     'tag_id': '7', 'outcome': 'OK', 'detail': '', 'attempts': 1, 'stamp': {'sec': 1795190000, 'nanosec': 0},
@@ -65,7 +65,6 @@ MISTAKES = [
     (['page', 'FILE=README.md nothing.csv'], "page: there is no file 'nothing.csv': name a file of"),
     (['mission', 'RECORD=a.txt'], "mission: RECORD='a.txt' ends in none of .sqlite, .db, .csv: write "),
     (['mission', 'RECORD=no/a.csv'], "mission: RECORD='no/a.csv': there is no folder 'no': make it"),
-    (['mission', 'WORLD=1', 'CAMERA=detections'], 'WORLD=1 renders images, so CAMERA=detections'),
     (['run', 'ARGS=use_sim_time:=true seed=42'], "run: ARGS has 'seed=42', which sets no parameter: "),
     (['run', 'ARGS=-p debug_sed:=42'], 'run: parameter debug_sed is unknown: did you mean debug_seed?'),
     (['run', 'ARGS=rate:=1'], 'run: parameter rate is unknown: the parameters are tag_file, '),
@@ -79,7 +78,7 @@ MISTAKES = [
     (['x\'$(HOME)"'], """there is no target x'$(HOME)": the targets are help run smoke read """),
     (['mirror-import', 'N.patch'], 'there is no target N.patch: write PATCH="N.patch"'),
     (['tags', '40'], 'there is no target 40: write SIDE="40"'),
-    (['figure', 'PAGE=1', 'ARGS=--output x'], 'figure: PAGE=1 and WORLD=1 draw the committed pictures and '),
+    (['figure', 'PAGE=1', 'ARGS=--output x'], 'figure: PAGE=1 draws the committed pictures and '),
     (['mission', 'DRIVE=', '1'], 'there is no target 1: write a value without a space, such as DRIVE=1'),
     (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
     (['mission', 'DRIVE'], 'there is no target DRIVE: write DRIVE=1'),
@@ -178,15 +177,15 @@ def test_a_page_is_made_of_one_file_whose_name_may_have_a_space_or_of_several(re
 
 
 def test_a_switch_is_off_with_0_and_on_with_1():
-    for off in ('DRIVE=0 CAMERA=no WORLD=off', 'DRIVE=False CAMERA= WORLD=0'):
+    for off in ('DRIVE=0 CAMERA=no', 'DRIVE=False CAMERA='):
         shown = make('mission', '--dry-run', *off.split()).stdout
         assert '/inspection' in shown  # it is not refused
-        assert not re.search('--(drive|camera|world|drake)', shown)
-    for on in ('DRIVE=1 CAMERA=yes WORLD=On', 'DRIVE=TRUE CAMERA=1 WORLD=1'):
-        assert '--camera image --world --drive' in make('mission', '--dry-run', *on.split()).stdout
+        assert not re.search('--(drive|camera)', shown)
+    for on in ('DRIVE=On CAMERA=yes', 'DRIVE=TRUE CAMERA=1'):
+        assert '--camera image --drive' in make('mission', '--dry-run', *on.split()).stdout
 
 
-@pytest.mark.parametrize('target', ['mission', 'world-check', 'soak'])
+@pytest.mark.parametrize('target', ['mission', 'soak'])
 def test_the_arguments_are_checked_before_what_the_target_needs_is_made(target):
     shown = make(target, '--dry-run', *(['DRIVE=1'] if target == 'mission' else [])).stdout
     assert shown.index('--check') < shown.index('ci/within.py')
@@ -203,7 +202,7 @@ def test_a_target_of_the_monorepo_runs_whatever_tree_a_shell_has_set(tmp_path):
     shell = tmp_path / 'shell'
     shell.write_text('#!/bin/sh\necho $TREE\n')  # instead of the commands of a target
     shell.chmod(0o755)
-    targets = ['bench', 'docs-check', 'figure', 'soak', 'tags', 'test-network', 'world', 'world-check']
+    targets = ['bench', 'docs-check', 'figure', 'soak', 'tags', 'test-network', 'world']
     result = make('--eval', f'override SHELL := {shell}', *targets, TREE='lupin_greenhouse_ros')
     assert (set(result.stdout.split()), result.stderr) == ({'monorepo'}, '')
 
@@ -258,7 +257,7 @@ def test_a_bridge_in_a_namespace_is_read_there(open_shell):
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     'options',
-    ['CAMERA=compressed', 'CAMERA=detections', pytest.param('CAMERA=1 WORLD=1', marks=needs_drake)],
+    ['CAMERA=compressed', 'CAMERA=detections'],
 )
 def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options):
     arguments = f'ARGS=--output {tmp_path} tag_sequence:="1 13 30" {PATIENCE}'

@@ -20,12 +20,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'check_world = lupin_simulation.executables:check_world',
             'fake_camera = lupin_simulation.executables:fake_camera',
             'fake_navigator = lupin_simulation.executables:fake_navigator',
             'generate_world = lupin_simulation.executables:generate_world',
             'inspection = lupin_simulation.executables:inspection',
-            'world_camera = lupin_simulation.executables:world_camera',
         ],
     },
 )

@@ -4,9 +4,7 @@ from functools import partial
 
 from lupin_greenhouse_bridge.runtime.process import start
 
-check_world = partial(start, 'lupin_simulation.check_world', has_node=False)
 fake_camera = partial(start, 'lupin_simulation.fake_camera')
 fake_navigator = partial(start, 'lupin_simulation.fake_navigator')
 generate_world = partial(start, 'lupin_simulation.generate_world', has_node=False)
 inspection = partial(start, 'lupin_simulation.inspection')
-world_camera = partial(start, 'lupin_simulation.world_camera')

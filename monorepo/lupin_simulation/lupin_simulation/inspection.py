@@ -9,7 +9,6 @@ another node ends first, or if a reading was not recorded; 2 if it cannot start;
 
 import argparse
 import contextlib
-import importlib.util
 import os
 import re
 import shutil
@@ -24,17 +23,15 @@ from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, r
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_transform
-from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
+from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type
 from lupin_greenhouse_bridge.runtime.output import print_line
-from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.confirmation import tag_number
 
-from lupin_simulation.generate_world import make_world
 from lupin_simulation.inspection_nodes import (
     LAYOUT,
     SETTABLE,
@@ -44,11 +41,10 @@ from lupin_simulation.inspection_nodes import (
     executable,
     value_of,
 )
-from lupin_simulation.settings import SOURCE_OF_DRAKE, LayoutSettings
+from lupin_simulation.settings import LayoutSettings
 
 USAGE, INTERRUPTED = 2, 130
 LOOK_EVERY_SECONDS = 0.2
-WORLD_SIDE_M = 0.04  # of the tags
 
 
 class NodeEnded(OneLineError):
@@ -63,20 +59,20 @@ def raise_if_asked_to_end() -> None:
 
 def new_report(options: argparse.Namespace) -> Path:
     """Return the path of this run's report, whose name has the time and the kind of the inspection."""
-    kind = 'world' if options.world else 'camera' if options.camera else 'simulation'
+    kind = 'camera' if options.camera else 'simulation'
     report: Path = options.output / f'{time.strftime("%Y-%m-%d-%H%M%S")}-{kind}.jsonl'
     return report.with_stem(f'{report.stem}-{os.getpid()}') if report.exists() else report
 
 
-def check(options: argparse.Namespace, commands: list[list[str]]) -> tuple[Layout, Walls]:
+def check(options: argparse.Namespace, commands: list[list[str]]) -> None:
     """
-    Return the greenhouse of a run, after its arguments and the recorder's file have been checked.
+    Check the arguments of a run, its greenhouse and the recorder's file.
 
     Raises OneLineError, also for a greenhouse that the bridge refuses, and tags that no camera can see.
     """
     settings = check_values(commands)
     given = LayoutSettings(**{name: value_of(options.arguments, name) for name in LAYOUT})
-    layout, walls = given.read_layout()
+    layout, _ = given.read_layout()
     mission = settings['mission_orchestrator']
     if options.camera:
         for tag_id in mission.chosen_tag_ids or layout.tags:
@@ -89,11 +85,10 @@ def check(options: argparse.Namespace, commands: list[list[str]]) -> tuple[Layou
             read_overrides(mission.approach_overrides_file, layout.tags)
     if options.record:
         open_store(options.record)
-    return layout, walls
 
 
-def prepare(options: argparse.Namespace, report: Path, layout: Layout, walls: Walls) -> None:
-    """Make the output and the SDF world, before a node starts. Raises OneLineError."""
+def prepare(options: argparse.Namespace, report: Path) -> None:
+    """Make the output, before a node starts. Raises OneLineError."""
     try:
         options.output.mkdir(parents=True, exist_ok=True)
         for name in ('tag_file', 'sim_config_file'):  # both have been read above
@@ -101,23 +96,16 @@ def prepare(options: argparse.Namespace, report: Path, layout: Layout, walls: Wa
                 shutil.copyfile(path, companion(report, name))
     except OSError as error:
         raise StartUpError(f"--output '{options.output}': {reason_of(error)}: name a folder") from error
-    if options.world:
-        if not importlib.util.find_spec('pydrake'):
-            raise StartUpError(f'Drake is missing, which renders the world: {SOURCE_OF_DRAKE}')
-        sdf_file = make_world(options.output / 'world', layout, walls, WORLD_SIDE_M)
-        print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
 
 
 def run_mission(options: argparse.Namespace) -> int:
     """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
-    if options.world and options.camera != 'image':
-        raise StartUpError('--world publishes images only: leave --camera out, or name image')
     report = new_report(options)
     commands = commands_of(options, report)
-    layout, walls = check(options, commands)
+    check(options, commands)
     if options.check:
         return 0
-    prepare(options, report, layout, walls)
+    prepare(options, report)
     print_line(f'mission: starting {", ".join(Path(path).name for path, *_ in commands)}')
     try:
         exit_code = run_nodes(commands, report)
@@ -225,8 +213,6 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     camera = 'confirm each tag with the camera, which publishes images, compressed images or detections'
     add('--camera', choices=('image', 'compressed', 'detections'), help=camera)
-    world = 'confirm each tag with the camera, which renders images of the SDF world of lupin_simulation'
-    add('--world', action='store_true', help=world)
     drive = 'drive a simulated robot to each tag, with fake_navigator in place of Nav2'
     add('--drive', action='store_true', help=drive)
     record = 'add the readings to this .sqlite, .db or .csv file, which need not exist'
@@ -238,8 +224,6 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     # The mission has another name for the tag file, but a run has one greenhouse.
     options.arguments = [re.sub('^tag_locations_file:=', 'tag_file:=', each) for each in options.arguments]
-    if options.world and options.camera is None:
-        options.camera = 'image'
     return options
 
 

@@ -21,7 +21,6 @@ from lupin_simulation import settings as navigator_settings
 from lupin_simulation.settings import LayoutSettings
 
 DRIVING_SPEEDUP = 20
-RENDERING_SECONDS = 10.0  # for enough images of the SDF world, on a busy machine
 # The inspection itself sets these parameters of the nodes.
 SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
 SETTINGS = {
@@ -30,7 +29,7 @@ SETTINGS = {
     'confirm_tag': confirm_tag_settings.Settings,
     'fake_navigator': navigator_settings.Settings,
 }
-OPTIONS = ('camera', 'drive', 'record', 'world')  # of make too, which writes them in capitals
+OPTIONS = ('camera', 'drive', 'record')  # of make too, which writes them in capitals
 LAYOUT = {each.name for each in fields(LayoutSettings)}
 NAMES = {node: {each.name for each in fields(kind)} for node, kind in SETTINGS.items()}
 SETTABLE = sorted(set().union(*NAMES.values()) - SET_HERE)  # with --camera and --drive
@@ -64,7 +63,7 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
             needed |= dict.fromkeys(names.pop(node) - SET_HERE, option)
     settable = set().union(*names.values()) - SET_HERE
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
-    names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
+    names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT}
     for each in options.arguments:
         name = re.split('[:=]', each)[0]
         if name.lower() in OPTIONS:
@@ -109,22 +108,13 @@ def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
         nodes.append(node('lupin_simulation', 'fake_navigator', speedup=DRIVING_SPEEDUP, route_file=route))
         dock = value_of(options.arguments, 'start_pose') or navigator_settings.Settings.start_pose
         mission |= {'drive': 'nav2', 'order': 'shortest', 'dock_pose': dock}
-    world_file = str(options.output / 'world/greenhouse.sdf')
-    tag_file = value_of(options.arguments, 'tag_file')
-    if options.world and not options.drive:  # a world file does not name the tables to drive around
-        mission['world_file'] = world_file
-    elif tag_file:
+    if tag_file := value_of(options.arguments, 'tag_file'):
         mission['tag_locations_file'] = tag_file
     if options.camera:
         mission |= {'require_visual_confirmation': True, 'drive_seconds': 0.2}
-        confirming: dict[str, Any] = {'source': options.camera}
-        camera, shown = 'fake_camera', {'publishes': options.camera}
-        if options.world:
-            mission['visual_confirmation_timeout_s'] = RENDERING_SECONDS
-            confirming = {'timeout_seconds': RENDERING_SECONDS, 'max_image_age_seconds': 5.0}
-            camera, shown = 'world_camera', {'world_file': world_file}
-        nodes.append(node('lupin_tag_confirmation', 'confirm_tag', **confirming))
-        nodes.append(node('lupin_simulation', camera, from_odometry=options.drive, **shown))
+        nodes.append(node('lupin_tag_confirmation', 'confirm_tag', source=options.camera))
+        camera = {'publishes': options.camera, 'from_odometry': options.drive}
+        nodes.append(node('lupin_simulation', 'fake_camera', **camera))
     return [*nodes, node('lupin_mission', 'mission_orchestrator', **mission)]
 
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from lupin_greenhouse_bridge.errors import StartUpError, is_environment_of_make
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import (
     Walls,
@@ -18,11 +18,6 @@ from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 LARGEST_INT = 2**31 - 1
-SOURCE_OF_DRAKE = (
-    'write `python3 ci/within.py --drake` before the command'
-    if is_environment_of_make()
-    else 'pip install drake'
-)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing._helpers import check_settings
-from lupin_simulation import fake_camera, world_camera
+from lupin_simulation import fake_camera
 from lupin_simulation import settings as navigator_settings
 from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, arrival_at
 from lupin_simulation.settings import Settings
@@ -75,7 +75,7 @@ def test_wrong_numbers_are_refused(name, values):
         assert str(refusal.value) == f'parameter {name} is {value!r}: must be {ACCEPTED[name]}'
 
 
-@pytest.mark.parametrize('node', [navigator_settings, fake_camera, world_camera])
+@pytest.mark.parametrize('node', [navigator_settings, fake_camera])
 def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
 

@@ -2,16 +2,22 @@
 
 import importlib.util
 import json
+import math
 import re
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_mission.world import read_world
 from lupin_simulation import generate_world
-from lupin_simulation.sdf import SDF_FILE
+from lupin_simulation.sdf import SDF_FILE, TAG_HEIGHT_M
+from lupin_tag_confirmation.detector import TagDetector
+from PIL import Image
 
 TAGS = {'tags': {str(n): {'x': n / 10, 'y': 0.0, 'sensors': ['co2']} for n in (0, 7, 586)}}
 TABLES = {
@@ -53,6 +59,35 @@ def test_the_world_of_the_shipped_layout(tmp_path, capsys):
     assert not list(world.iter('plugin'))
     for uri in world.iter('uri'):
         assert (tmp_path / 'world' / uri.text).is_file()
+
+
+def shown_by(folder: Path, model: ElementTree.Element) -> list[int]:
+    """Return the numbers of the tags in the picture of a tag's model, found as a renderer finds it."""
+    mesh = folder / model.findtext("link/visual[@name='tag']/geometry/mesh/uri")
+    material = mesh.with_name(re.search(r'^mtllib (.+)$', mesh.read_text(), re.MULTILINE)[1])
+    picture = material.with_name(re.search(r'^map_Kd (.+)$', material.read_text(), re.MULTILINE)[1])
+    with Image.open(picture) as image:
+        grey = np.pad(np.asarray(image.convert('L')), 20, constant_values=255)
+    return [each.tag_number for each in TagDetector().detect(grey)]
+
+
+def test_each_tag_of_the_shipped_world_is_where_the_tag_file_says_faces_the_aisle_and_shows_its_id(tmp_path):
+    assert make(tmp_path) == 0
+    layout = find_layout('')
+    walls = find_walls(layout)
+    models = ElementTree.parse(tmp_path / SDF_FILE).getroot().iter('model')
+    tags = {each.get('name').removeprefix('tag_'): each for each in models if each.get('name')[:4] == 'tag_'}
+    assert tags.keys() == layout.tags.keys()
+    for tag_id, (x, y, facing) in find_tag_poses(layout, walls).items():
+        *place, roll, pitch, yaw = map(float, tags[tag_id].findtext('pose').split())
+        assert place == [*layout.tags[tag_id][:2], TAG_HEIGHT_M]
+        assert (roll, pitch, yaw) == pytest.approx((math.pi / 2, 0.0, facing + math.pi / 2))
+        ahead_m = x + 0.2 * math.sin(yaw), y - 0.2 * math.cos(yaw)
+        assert walls[0] < ahead_m[0] < walls[2]
+        assert walls[1] < ahead_m[1] < walls[3]
+        on_tables = [x0 < ahead_m[0] < x1 and y0 < ahead_m[1] < y1 for x0, y0, x1, y1 in tables_of(layout)]
+        assert not any(on_tables)
+        assert shown_by(tmp_path, tags[tag_id]) == [int(tag_id)]
 
 
 def test_the_same_input_gives_the_same_bytes_and_tags_of_5_cm_unless_told(tmp_path, tag_file):

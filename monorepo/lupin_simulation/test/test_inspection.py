@@ -1,6 +1,5 @@
 """A whole inspection, in simulation and with a camera: the report and the picture that it writes."""
 
-import importlib.util
 import json
 import math
 import os
@@ -25,7 +24,6 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection, inspection_nodes
-from lupin_simulation.settings import SOURCE_OF_DRAKE
 from lupin_tag_confirmation.settings import Settings as CameraSettings
 
 
@@ -44,7 +42,7 @@ def report_in(output: Path) -> tuple[Path, list[dict]]:
 
 def commands(*arguments: str, **options) -> dict[str, list[str]]:
     """Return the command of each node of a run, by its executable."""
-    defaults = {'camera': None, 'world': False, 'drive': False, 'record': None, 'output': Path('out')}
+    defaults = {'camera': None, 'drive': False, 'record': None, 'output': Path('out')}
     options = Namespace(**{**defaults, 'arguments': list(arguments), **options})
     found = inspection_nodes.commands_of(options, Path('out/2026-11-22-camera.jsonl'))
     return {Path(command[0]).name: command[1:] for command in found}
@@ -143,8 +141,6 @@ SEE_HELP = 'see make mission ARGS=--help (without make: --help)'
 @pytest.mark.parametrize(
     ('arguments', 'error'),
     [
-        (['--camera', 'detections', '--world'], '--world publishes images only: leave --camera out, or name'),
-        (['--world'], f'Drake is missing, which renders the world: {SOURCE_OF_DRAKE}'),
         (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
         (['max_attempts:=few'], "parameter max_attempts is 'few': must be a whole number from 1 to "),
         (['--record', 'kept.txt'], "file 'kept.txt' ends in none of .sqlite, .db, .csv"),
@@ -168,15 +164,12 @@ SEE_HELP = 'see make mission ARGS=--help (without make: --help)'
     ],
 )
 def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
-    tmp_path, monkeypatch, capsys, stand_in, arguments, error
+    tmp_path, capsys, stand_in, arguments, error
 ):
     stand_in('bridge_node', script=f'touch {tmp_path}/started')
     (tmp_path / 'file').touch()
     tags = {'tags': {'seven': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}, 'tables': {}}
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
-    find = importlib.util.find_spec
-    without_drake = lambda name: None if name == 'pydrake' else find(name)  # noqa: E731
-    monkeypatch.setattr(importlib.util, 'find_spec', without_drake)
     given = [each.format(folder=tmp_path) for each in arguments]
     assert inspection.main(['--output', str(tmp_path / 'output'), *given]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -185,7 +178,7 @@ def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
     assert not list(tmp_path.glob('output/*'))
 
 
-@pytest.mark.parametrize('options', [[], ['--drive'], ['--camera', 'detections'], ['--world', '--drive']])
+@pytest.mark.parametrize('options', [[], ['--drive'], ['--camera', 'detections']])
 def test_a_check_of_good_arguments_starts_and_makes_nothing(tmp_path, stand_in, capsys, options):
     stand_in('bridge_node', script=f'touch {tmp_path}/started')
     record = tmp_path / 'kept.csv'
@@ -302,13 +295,6 @@ def test_each_argument_reaches_each_node_that_has_such_a_parameter():
     assert mission.index('order:="shortest"') < mission.index('order:=numeric')  # the last assignment counts
 
 
-@pytest.mark.parametrize(('drive', 'source'), [(False, 'world_file'), (True, 'tag_locations_file')])
-def test_a_mission_in_the_world_takes_its_tags_from_there_unless_it_drives_around_tables(drive, source):
-    mission = commands('tag_file:=t.json', camera='image', world=True, drive=drive)['mission_orchestrator']
-    given = {word.partition(':=')[0] for word in mission}
-    assert given & {'world_file', 'tag_locations_file'} == {source}
-
-
 @pytest.mark.parametrize(('then', 'code'), [('', 1), ('; kill -INT $PPID; exec sleep 600', 130)])
 def test_a_reading_of_the_report_that_was_not_recorded_is_said(
     tmp_path, capfd, monkeypatch, stand_in, then, code
@@ -326,7 +312,7 @@ def test_a_reading_of_the_report_that_was_not_recorded_is_said(
 
 
 def test_two_runs_in_one_second_have_a_report_each(tmp_path):
-    options = Namespace(output=tmp_path, world=False, camera=None)
+    options = Namespace(output=tmp_path, camera=None)
     first = inspection.new_report(options)
     first.touch()
     assert inspection.new_report(options) != first
