@@ -35,7 +35,6 @@ NUMBERS = [
     *(('approach_poses', f'--{name} x', 'a number in metres, such as 0.5') for name in ('radius', 'start 1')),
     ('approach_poses', '--angle 1e999', 'a number of degrees, such as 30'),
     ('approach_poses', '--walls 0 0 1 nan', 'a number in metres, such as 0.5'),
-    ('register_layout', '--suggest few', 'a whole number, such as 3'),
     ('generate_world', '--side 4cm', 'a number in metres, such as 0.5'),
     ('register_discovered_tags', '--tags 4.0', 'a whole number, such as 4'),
     ('tag_sheet', '--side 4cm', 'a number in millimetres, such as 40'),

@@ -14,8 +14,7 @@ from lupin_greenhouse_bridge.display.colours import read_colour_ranges
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
-from lupin_greenhouse_bridge.planning.overrides import Override
-from lupin_greenhouse_bridge.planning.route import Passages, plan_route
+from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import (
     EAST,
     NORTH,
@@ -29,6 +28,7 @@ from lupin_greenhouse_bridge.planning.tag_poses import (
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls, walls_around
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, shipped_file
 
 SHIPPED = find_layout('')
@@ -164,7 +164,7 @@ SIDE_BY_SIDE = layout_of(*((1.5 + PLATE_WIDTH_M * n, 1.0) for n in range(4)), **
 TWICE = layout_of((2.0, 1.0), (2.0, 1.0), (2.5, 1.0), **BENCH)
 COVERED = layout_of((2.0, 1.0), **BENCH, before=(1.0, 0.9, 3.0, 1.0))
 HIDDEN = 'tables or other tags hide it wherever the robot has a place'
-THERE = {'0': 'no place for a robot of radius 0 m where the overrides set the pose: correct goal_x, goal_y'}
+THERE = {'0': 'no place for a robot of radius 0 m at its override'}
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,8 @@ THERE = {'0': 'no place for a robot of radius 0 m where the overrides set the po
         (SIDE_BY_SIDE, ViewingLimits(**HEAD_ON), {}, {}),
         (TWICE, USUAL, {}, {'0': HIDDEN, '1': HIDDEN}),
         (COVERED, USUAL, {}, {'0': HIDDEN}),
-        (ALONE, ViewingLimits(0.0), {'overrides': {'0': Override(goal_x=2.0, goal_y=1.0)}}, THERE),
-        (SINGLE, ViewingLimits(0.0), {'overrides': {'0': Override(goal_x=2.0, goal_y=1.2)}}, THERE),
+        (ALONE, ViewingLimits(0.0), {'overrides': {'0': PoseInPlane(2.0, 1.0, 0.0)}}, THERE),
+        (SINGLE, ViewingLimits(0.0), {'overrides': {'0': PoseInPlane(2.0, 1.2, 0.0)}}, THERE),
     ],
 )
 def test_a_tag_without_a_pose_has_the_reason_and_the_others_have_poses(layout, limits, options, unreachable):
@@ -380,15 +380,13 @@ def test_the_route_of_many_stops_is_hardly_longer_than_the_shortest():
     assert 299 * 0.5 <= route.length_m < 1.08 * 299 * 0.5
 
 
-def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number(approaches):
+def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_as_given(approaches):
     free_space, poses = approaches.free_space, approaches.poses
-    given, by_number, shortest = (
-        plan_route(free_space, poses, (0.5, 0.5), order) for order in ('given', 'numeric', 'shortest')
-    )
-    assert (given.tag_ids, by_number.tag_ids) == (list(SHIPPED.tags), sorted(SHIPPED.tags, key=int))
+    given, shortest = (plan_route(free_space, poses, (0.5, 0.5), order) for order in ('given', 'shortest'))
+    assert given.tag_ids == list(SHIPPED.tags)
     lowest_m, highest_m = SHORTEST_M[len(SHIPPED.tags)]
-    assert lowest_m < shortest.length_m < highest_m < 0.7 * by_number.length_m
-    for route in (given, by_number, shortest):
+    assert lowest_m < shortest.length_m < highest_m < 0.7 * given.length_m
+    for route in (given, shortest):
         assert route.points_m[0] == (0.5, 0.5)
         assert route.length_m == pytest.approx(free_space.length_m(route.points_m))
         assert all(poses[tag_id][:2] in route.points_m for tag_id in route.tag_ids)
@@ -442,61 +440,40 @@ def test_a_route_that_cannot_be_driven_is_refused(radius_m, start_m, tag_id, pro
         plan_in_yard(start_m, 'given', [tag_id], radius_m=radius_m)
 
 
-@pytest.mark.parametrize(
-    ('override', 'pose'),
-    [
-        (Override(standoff=0.8), (2.0, 0.2, math.pi / 2, 0.8, 0.0)),
-        (Override(yaw=2.0), (2.0, 0.5, 2.0, 0.5, 0.0)),
-        (Override(yaw=2.0, standoff=0.4), (2.0, 0.6, 2.0, 0.4, 0.0)),
-        (Override(goal_x=2.3), (2.3, 0.5, math.atan2(0.5, -0.3), math.hypot(0.3, 0.5), math.atan2(0.3, 0.5))),
-        (Override(goal_y=0.1), (2.0, 0.1, math.pi / 2, 0.9, 0.0)),
-    ],
-)
-def test_an_override_sets_what_it_names(override, pose):
-    found = approaches_of(SINGLE, overrides={'0': override}, most_per_tag=3)
-    assert (found.poses['0'], found.view_warnings) == (pytest.approx(pose), {})
-    assert not (override.yaw and found.alternatives['0'])
-
-
 TOO_STEEP = 'the incidence angle is 78°, above 60°: correct the position'
+TOO_FAR = 'it is 2.00 m from the tag, not 0.3 to 1 m: correct the position'
+POST = {'post': (1.9, 0.6, 2.1, 0.7)}
 
 
 @pytest.mark.parametrize(
-    ('override', 'camera_offset_m', 'angle', 'reason'),
+    ('pose', 'camera_offset_m', 'angle', 'reason'),
     [
-        (Override(yaw=0.0), 0.0, 90.0, 'it looks 90° past the tag: correct yaw'),
-        (Override(yaw=math.radians(62.5)), 0.0, 0.0, None),
-        (Override(yaw=math.radians(61.0)), 0.0, 29.0, 'it looks 29° past the tag: correct yaw'),
+        ((2.0, 0.5, math.pi / 2), 0.0, 0.0, None),
+        ((2.0, 0.5, 0.0), 0.0, 90.0, 'it looks 90° past the tag: correct yaw'),
+        ((2.0, 0.5, math.radians(62.5)), 0.0, 0.0, None),
+        ((2.0, 0.5, math.radians(61.0)), 0.0, 29.0, 'it looks 29° past the tag: correct yaw'),
         # The camera is 0.2 * sin(20°) m aside, 0.5 - 0.2 * cos(20°) m ahead of the tag, which it has at 32°.
-        (Override(yaw=math.radians(70.0)), 0.2, 20.0, 'it looks 32° past the tag: correct yaw'),
-        (Override(yaw=math.radians(80.0)), 0.2, 6.54, None),
-        (Override(-math.pi / 2, None, 2.0, 0.5), 0.0, 180.0, 'it looks 180° past the tag: correct yaw'),
-        (Override(goal_x=3.4, goal_y=0.7), 0.0, 77.9, TOO_STEEP),
+        ((2.0, 0.5, math.radians(70.0)), 0.2, 20.0, 'it looks 32° past the tag: correct yaw'),
+        ((2.0, 0.5, math.radians(80.0)), 0.2, 6.54, None),
+        ((3.4, 0.7, math.radians(168.0)), 0.0, 77.9, TOO_STEEP),
+        ((2.0, -1.0, math.pi / 2), 0.0, 0.0, TOO_FAR),
+        ((2.0, 0.3, math.pi / 2), 0.0, 0.0, 'a table or another tag hides it'),
     ],
 )
-def test_an_override_from_which_no_camera_sees_the_tag_is_warned_of(override, camera_offset_m, angle, reason):
-    limits = ViewingLimits(camera_offset_m=camera_offset_m)
-    found = approaches_of(SINGLE, limits, overrides={'0': override})
-    assert math.degrees(found.poses['0'].angle_rad) == pytest.approx(angle, abs=0.01)
-    warning = f"tag '0': the robot cannot see it as its override says: {reason}"
+def test_an_override_is_kept_and_warned_of_if_no_camera_sees_the_tag(pose, camera_offset_m, angle, reason):
+    layout = layout_of((2.0, 1.0), **BENCH, **(POST if reason and 'hides' in reason else {}))
+    found = find_approaches(
+        layout,
+        Walls(-3.0, -3.0, 6.0, 6.0),
+        ViewingLimits(camera_offset_m=camera_offset_m),
+        overrides={'0': PoseInPlane(*pose)},
+        most_per_tag=3,
+    )
+    distance_m = math.dist(pose[:2], (2.0, 1.0))
+    assert found.poses['0'] == pytest.approx((*pose, distance_m, math.radians(angle)), abs=1e-3)
+    assert found.alternatives['0'] == []
+    warning = f"tag '0': the camera cannot see it from its override: {reason}"
     assert found.view_warnings == ({'0': warning} if reason else {})
-
-
-@pytest.mark.parametrize(('away_m', 'is_wide'), [(1.0, False), (2.5, True)])
-def test_a_leg_through_a_narrow_passage_is_named_and_avoided_for_a_small_detour_only(away_m, is_wide):
-    """The passage at x = 2.2 m is 0.45 m wide, and the one at x = 3.5 m is 1 m wide."""
-    tables = {'left': (-2.0, 1.0, 2.0, 2.0), 'middle': (2.45, 1.0, 3.0, 2.0), 'right': (4.0, 1.0, 8.0, 2.0)}
-    layout, walls = layout_of((2.0, 5.0), **tables), Walls(-2.0, -2.0, 8.0, 6.0)
-    free_space, passages = FreeSpace(layout, walls, 0.2), Passages(layout, walls, 0.52)
-    places = {'beside': (0.0, 1.5 - away_m), 'before': (2.6, 1.5 - away_m), 'behind': (2.6, 1.5 + away_m)}
-    poses = {tag_id: ApproachPose(*place, 0.0, 0.5, 0.0) for tag_id, place in places.items()}
-    shortest = plan_route(free_space, poses, None, 'given')
-    route = plan_route(free_space, poses, None, 'given', are_narrow=passages.are_narrow)
-    assert passages.narrow_on(shortest, poses) == [('behind', pytest.approx(0.45))]
-    assert Passages(layout, walls, 0.44).narrow_on(shortest, poses) == []
-    assert (passages.narrow_on(route, poses) == []) == is_wide
-    assert route.length_m <= 1.1 * shortest.length_m
-    assert is_wide or route == shortest
 
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1

@@ -1,28 +1,20 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """`ros2 run lupin_greenhouse_bridge approach_poses`, and its file of overrides."""
 
-import csv
-import io
 import json
 import math
-import os
 import re
-import signal
 import sys
-import threading
 from pathlib import Path
 
 import pytest
 import yaml
 from conftest import ended_process
-from geometry_msgs.msg import PoseArray
-from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import approach_poses
-from lupin_greenhouse_bridge.planning.overrides import EXAMPLE, Override, read_overrides
+from lupin_greenhouse_bridge.planning.overrides import EXAMPLE, read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
-from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
 POSES = {'7': (2.0, 0.5, math.pi / 2), '21': (0.5, 1.25, 0.0)}
 WALLS = ('--walls', '0', '0', '4', '8')
@@ -55,7 +47,7 @@ def test_the_table_has_a_line_for_each_tag_and_the_length_of_the_route(poses_of)
 def test_each_format_has_the_same_poses_and_json_the_length(poses_of):
     ended = {
         form: poses_of('--order', 'given', '--start', '1', '0.3', '--format', form)
-        for form in ('json', 'yaml', 'csv', 'nav2')
+        for form in ('json', 'yaml')
     }
     assert {(exit_code, err) for exit_code, _, err in ended.values()} == {(0, '')}
     data = json.loads(ended['json'][1])
@@ -65,15 +57,6 @@ def test_each_format_has_the_same_poses_and_json_the_length(poses_of):
         assert (each['x'], each['y'], each['yaw']) == pytest.approx(POSES[each['tag_id']], abs=1e-6)
     assert data['length_m'] == pytest.approx(math.hypot(1.0, 0.2) + 1.7, abs=0.05)
     assert yaml.safe_load(ended['yaml'][1]) == data
-    header, *rows = csv.reader(io.StringIO(ended['csv'][1]))
-    assert header == list(data['poses'][0]) == ['tag_id', 'x', 'y', 'yaw', 'distance_m', 'angle_rad']
-    assert rows == [[str(value) for value in each.values()] for each in data['poses']]
-    waypoints = yaml.safe_load(ended['nav2'][1])['waypoints']
-    assert list(waypoints) == ['waypoint0', 'waypoint1']
-    for waypoint, pose in zip(waypoints.values(), data['poses'], strict=True):
-        assert waypoint['pose'] == [pose['x'], pose['y'], 0.0]
-        w, x, y, z = waypoint['orientation']
-        assert (x, y, 2 * math.atan2(z, w)) == pytest.approx((0.0, 0.0, pose['yaw']))
 
 
 def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
@@ -100,16 +83,6 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
     reason = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): correct them, or the config of the greenhouse'
     assert f"approach_poses: tag '21': {reason}\n" in err
-    _, _, err = poses_of('--walls', '0', '0', '400', '400')
-    larger = 'the walls (x 0 to 400 m, y 0 to 400 m) are far larger than the layout'
-    assert err.splitlines()[0] == f'approach_poses: {larger}: {remedy}'
-
-
-def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, write_layout):
-    write_layout({'7': (1.0, 2.0), '8': (1.0, 1.0)}, left=(0, 1, 1.9, 2), right=(2.35, 1, 4, 2))
-    _, _, err = poses_of('--walls', '0', '0', '4', '4')
-    (line,) = [each for each in err.splitlines() if 'a passage is narrow: without Nav2, nothing' in each]
-    assert line.endswith('; a local costmap of Nav2 with cells of 0.05 m needs 0.52 m: give it finer cells')
 
 
 def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, write_layout):
@@ -125,24 +98,40 @@ def test_a_yaw_just_below_0_is_0(poses_of, tmp_path, form):
     assert '-0' not in poses_of('--layout-in-map', str(tmp_path / 'layout.yaml'), '--format', form)[1]
 
 
-def test_overrides_take_effect_and_those_of_no_tag_of_the_layout_are_refused(poses_of, tmp_path):
-    path = tmp_path / 'approach_overrides.yaml'
-    path.write_text('overrides: {"7": {standoff: 0.4}, "99": {yaw: 0.0}}', encoding='utf-8')
-    words, no_effect = ('--format', 'json', '--overrides', str(path)), 'its override has no effect'
-    exit_code, out, err = poses_of(*words)
-    assert {each['tag_id']: each['distance_m'] for each in json.loads(out)['poses']} == {'7': 0.4, '21': 0.5}
-    assert (exit_code, err.count(f"tag '99' is not in the layout: {no_effect}\n")) == (0, 1)
-    path.write_text('overrides: {"99": {yaw: 0}}', encoding='utf-8')
+def test_overrides_are_in_the_frame_that_their_file_names(poses_of, tmp_path):
+    path, registration = tmp_path / 'approach_overrides.yaml', tmp_path / 'layout.yaml'
+    write_transform(registration, Transform(10.0, 20.0, math.pi / 2))
+    words = ('--format', 'json', '--overrides', str(path))
+    for frame, x, y, yaw, options in (
+        ('layout', 2.0, 0.6, 1.57, ()),
+        ('map', 9.4, 22.0, 3.14, ('--layout-in-map', str(registration))),
+    ):
+        pose = f'{{x: {x}, y: {y}, yaw: {yaw}}}'
+        path.write_text(f'frame: {frame}\noverrides: {{"7": {pose}, "99": {pose}}}', encoding='utf-8')
+        exit_code, out, err = poses_of(*words, *options)
+        distances_m = {each['tag_id']: each['distance_m'] for each in json.loads(out)['poses']}
+        assert distances_m == {'7': pytest.approx(0.4), '21': 0.5}
+        assert (exit_code, err.count("tag '99' is not in the layout")) == (0, 1)
     exit_code, out, err = poses_of(*words)
     assert (exit_code, out, err.count('\n')) == (2, '', 1)
-    assert f'{no_effect}: name a tag of the layout, as in {EXAMPLE}' in err
+    assert 'frame is map: say with --layout-in-map where the layout lies in it' in err
+
+
+def test_an_override_two_metres_from_its_tag_is_warned_of(poses_of, tmp_path):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text('frame: layout\noverrides: {"7": {x: 2.0, y: -1.0, yaw: 1.57}}', encoding='utf-8')
+    exit_code, _, err = poses_of('--overrides', str(path), '--walls', '0', '-2', '4', '4')
+    assert exit_code == 0
+    assert "tag '7': the camera cannot see it from its override: it is 2.00 m" in err
+
+
+def test_an_angle_of_one_degree_is_taken(poses_of):
+    assert poses_of('--angle', '1', '--steepest-angle', '1')[0] == 0
 
 
 @pytest.mark.parametrize(
     ('words', 'problem'),
     [
-        (['--ros-args', '-p', 'radius:=0.3'], '-p radius:=0.3 sets nothing here: write --radius 0.3 before'),
-        (['--publish', '--ros-args', '-r', '__ns:=a'], "namespace 'a' must begin with /: write -r __ns:=/a"),
         ([*WALLS, '--radius', '1.99'], 'clearance 0.01 m does not fit between the walls, which are 4 m'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
         (['--smallest-standoff', '0.6'], 'the standoffs are 0.6, 0.5 and 1 m'),
@@ -160,8 +149,6 @@ def test_overrides_take_effect_and_those_of_no_tag_of_the_layout_are_refused(pos
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--end', '0', '0', '--steepest-angle', '9'], 'the end at (0, 0) is not free for a robot of radius'),
         (['--end', '1e9', '1'], 'is not free for a robot of radius 0.2 m: choose another within x 0'),
-        (['--angle', '0.78'], '--angle is 0.78: write 45, in degrees'),
-        (['--steepest-angle', '1.05'], '--steepest-angle is 1.05: write 60, in degrees'),
         (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
         (['--picture', 'route', '--start', '2', '1.2'], "--picture 'route': the ending must be one of "),
     ],
@@ -184,72 +171,32 @@ def test_the_poses_are_computed_without_ros(tag_file):
     assert ended_process(command)[0] == 0
 
 
-def test_publish_keeps_the_poses_in_the_map_until_a_signal(run_here, tag_file, tmp_path, monkeypatch):
-    """A reader of the output that closes the pipe changes neither the exit code nor what is published."""
-    write_transform(tmp_path / 'layout.yaml', Transform(10.0, 20.0, -math.pi / 2), 'site')
-    heard = []
-
-    def listen():
-        try:
-            with spinning_node('rviz') as node:
-                wait_until(lambda: node.count_publishers('/approach_poses/poses') == 1)
-                node.create_subscription(PoseArray, '/approach_poses/poses', heard.append, latched())
-                wait_until(lambda: heard)
-        finally:
-            signal.raise_signal(signal.SIGTERM)
-
-    listener = threading.Thread(target=listen)
-    listener.start()
-    reading, writing = os.pipe()
-    os.close(reading)
-    words = ('--walls', '0.7', '0', '4', '4', '--publish', '--layout-in-map', str(tmp_path / 'layout.yaml'))
-    with os.fdopen(writing, 'w', encoding='utf-8') as closed, monkeypatch.context() as patch:
-        patch.setattr(sys, 'stdout', closed)
-        ended = run_here(approach_poses.main, '--tag-file', tag_file, *words)
-    listener.join()
-    assert ended.code == 1, ended
-    assert '1 pose on /approach_poses/poses until Ctrl-C' in ended.err
-    assert heard[0].header.frame_id == 'site'
-    (pose,) = map(pose_in_plane, heard[0].poses)  # that of tag 7, turned by a quarter to the right
-    assert pose == pytest.approx((10.5, 18.0, 0.0), abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ('text', 'overrides', 'warning'),
-    [
-        ('overrides: {7: , "8": {yaw: 1}}', {'7': Override(), '8': Override(yaw=1.0)}, ''),
-        ('overrides: {7: {goal_x: 1, goal_y: 2.5}}', {'7': Override(goal_x=1.0, goal_y=2.5)}, ''),
-        ('overrides: {7: {goal_x: 2}}', {'7': Override(goal_x=2.0)}, "'7': goal_y is missing: it is comp"),
-        ('', {}, ': holds no overrides'),
-        ('overrides:\n', {}, ': holds no overrides'),
-        ('overrides: {"7": {}}', {'7': Override()}, ': holds no overrides'),
-    ],
-)
-def test_overrides_are_read_by_tag_and_what_is_missing_is_warned_of(tmp_path, text, overrides, warning):
-    path = tmp_path / 'approach_overrides.yaml'
-    path.write_text(text, encoding='utf-8')
-    found, warnings = read_overrides(path, {'7', '8'})
-    assert (found, [warning in each for each in warnings]) == (overrides, [True] * bool(warning))
-
-
 @pytest.mark.parametrize(
     ('text', 'problem'),
     [
-        ('overrides: {"7": {yaw: 1, stand_off: 0.4}}', "tag '7': unknown key 'stand_off': use yaw, "),
-        ('"7": {yaw: 1}\n', "unknown key '7': use overrides, as in {overrides: {"),
-        ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
-        ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
-        ('overrides: [7]', 'overrides is a list: must be a mapping, such as {overrides:'),
-        ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
-        ('overrides: {"7": 1.5}', '7 is 1.5: must be a mapping, such as {overrides:'),
-        ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': unknown key 'Yaw': use yaw"),
+        ('overrides: {"7": {x: 1, y: 1, yaw: 1}}', 'frame is None: must be layout or map'),
+        ('frame: odom\noverrides: {}', "frame is 'odom': must be layout or map"),
+        ('frame: layout\noverrides: {"7": {x: 1, y: 1}}', "tag '7': yaw is missing: must be a number"),
+        ('frame: layout\noverrides: {"7": {x: 1, y: 1, yaw: 90}}', "tag '7': yaw is 90: must be a number"),
+        ('frame: layout\noverrides: {"7": {x: 1, z: 2}}', "tag '7': unknown key 'z': use x, y, yaw"),
+        ('frame: layout\n"7": {x: 1}\n', "unknown key '7': use frame, overrides"),
+        ('frame: layout', 'overrides is missing'),
+        ('frame: layout\noverrides: [7]', 'overrides is a list: must be a mapping'),
+        ('[7]', 'holds a list at its top level, not a mapping'),
+        ('frame: layout\noverrides: {"7": 1.5}', '7 is 1.5: must be a mapping'),
     ],
 )
 def test_a_malformed_override_is_refused_with_its_place(tmp_path, text, problem):
-    path = tmp_path / f'approach_overrides.{"json" if text.startswith("{") else "yaml"}'
+    path = tmp_path / 'approach_overrides.yaml'
     path.write_text(text, encoding='utf-8')
     with pytest.raises(StartUpError, match=re.escape(problem)):
         read_overrides(path, {'7', '21'})
+
+
+def test_the_ids_of_overrides_need_no_quotes(tmp_path):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text('frame: layout\noverrides: {7: {x: 1, y: 2.5, yaw: 0}}', encoding='utf-8')
+    assert read_overrides(path, {'7', '8'}) == ({'7': PoseInPlane(1.0, 2.5, 0.0)}, [])
 
 
 def test_the_overrides_of_the_documents_show_the_robot_their_tags(tmp_path, capsys):

@@ -1,11 +1,8 @@
 """Plan a robot's drives: its goal in the map for each tag, and the order of visits. Does not import ROS."""
 
-import math
-
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
-from lupin_greenhouse_bridge.planning.overrides import Override, read_overrides
+from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.walls import find_walls
@@ -33,12 +30,11 @@ class Plan:
 
         Without a start, all poses are in the region from which most tags can be reached. Raises StartUpError.
         """
-        self._map_in_layout = _inverse(layout_in_map)
-        overrides: dict[str, Override] = {}
+        self._map_in_layout = layout_in_map.inverse()
+        overrides: dict[str, PoseInPlane] = {}
         self.warnings: list[str] = []
         if path := settings.approach_overrides_file:
-            in_map, self.warnings = read_overrides(path, layout.tags)
-            overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
+            overrides, self.warnings = read_overrides(path, layout.tags, layout_in_map)
         found = find_approaches(
             layout,
             find_walls(layout, settings.sim_config_file, settings.walls),
@@ -94,24 +90,3 @@ class Plan:
             return None
         place_m = self._map_in_layout.point(*place_in_map_m)
         return place_m if self._free_space.is_free(*place_m) else None
-
-    def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:
-        """Transform an override, which the team sets in the map, into the layout."""
-        x, y, yaw = override.goal_x, override.goal_y, override.yaw
-        if (x is None) != (y is None) and self._map_in_layout.yaw:
-            raise StartUpError(
-                f"approach_overrides_file '{escaped(path, 500)}': tag '{escaped(tag_id, 64)}' has only"
-                ' one of goal_x and goal_y: set both, because layout_in_map turns the layout'
-            )
-        goal_x, goal_y = self._map_in_layout.point(x or 0.0, y or 0.0)
-        return override._replace(
-            yaw=None if yaw is None else self._map_in_layout.heading(yaw),
-            goal_x=None if x is None else goal_x,
-            goal_y=None if y is None else goal_y,
-        )
-
-
-def _inverse(transform: Transform) -> Transform:
-    cos, sin = math.cos(transform.yaw), math.sin(transform.yaw)
-    x, y = transform.x, transform.y
-    return Transform(-cos * x - sin * y, sin * x - cos * y, -transform.yaw)

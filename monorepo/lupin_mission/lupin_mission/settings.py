@@ -122,7 +122,7 @@ class Settings:
         "How far the camera is in front of the robot's centre, in metres.",
     )
     approach_overrides_file: str = parameter(
-        '', 'A YAML file of poses in the map, such as overrides: {"7": {yaw: 3.14, standoff: 0.4}}.'
+        '', 'A YAML file of poses that are set by hand: approach_overrides.yaml.'
     )
     sim_config_file: str = parameter(
         '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."

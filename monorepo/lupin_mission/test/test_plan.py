@@ -5,7 +5,6 @@ import math
 from dataclasses import replace
 
 import pytest
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
@@ -55,28 +54,22 @@ def overrides(tmp_path):
 
     def write(text):
         path = tmp_path / 'approach_overrides.yaml'
-        path.write_text(f'overrides: {{{text}}}')
+        path.write_text(text)
         return {'approach_overrides_file': str(path)}
 
     return write
 
 
 @pytest.mark.parametrize('in_map', [AS_IT_IS, TURNED, Transform(-3.0, 1.0, -0.7)])
-def test_an_override_is_a_pose_in_the_map_and_one_of_an_unknown_tag_is_a_warning(overrides, in_map):
-    x, y = in_map.point(0.6, 0.3)
-    yaw = in_map.heading(1.5)
-    pose, of_no_tag = f'"1": {{goal_x: {x!r}, goal_y: {y!r}, yaw: {yaw!r}}}', '"99": {standoff: 0.4}'
-    found = plan(in_map, **overrides(f'{pose}, {of_no_tag}'))
-    assert found.goals['1'] == [pytest.approx((x, y, yaw))]
+@pytest.mark.parametrize('frame', ['layout', 'map'])
+def test_an_override_is_a_pose_in_the_frame_of_its_file(overrides, in_map, frame):
+    goal = (*in_map.point(0.6, 0.3), in_map.heading(1.5))
+    x, y, yaw = goal if frame == 'map' else (0.6, 0.3, 1.5)
+    pose = f'{{x: {x!r}, y: {y!r}, yaw: {yaw!r}}}'
+    found = plan(in_map, **overrides(f'frame: {frame}\noverrides: {{"1": {pose}, "99": {pose}}}'))
+    assert found.goals['1'] == [pytest.approx(goal)]
     (warning,) = found.warnings
     assert "tag '99' is not in the layout" in warning
-
-
-def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
-    half = overrides('"1": {goal_x: 5.6}')
-    assert plan(Transform(5.0, 0.0, 0.0), **half).goals['1'][0][:2] == pytest.approx((5.6, 0.5))
-    with pytest.raises(StartUpError, match="tag '1' has only one of goal_x and goal_y: set both"):
-        plan(TURNED, **half)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
-from lupin_greenhouse_bridge.planning.registration import read_transform
+from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
@@ -79,10 +79,11 @@ def check(options: argparse.Namespace, commands: list[list[str]]) -> None:
             tag_number(tag_id)  # raises UnknownTagId
     if options.drive:
         settings['fake_navigator'].free_space()
+        layout_in_map = Transform()
         if mission.layout_in_map:
-            read_transform(mission.layout_in_map, mission.frame_id)
+            layout_in_map = read_transform(mission.layout_in_map, mission.frame_id)
         if mission.approach_overrides_file:
-            read_overrides(mission.approach_overrides_file, layout.tags)
+            read_overrides(mission.approach_overrides_file, layout.tags, layout_in_map)
     if options.record:
         open_store(options.record)
 

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The order in which a robot visits the tags, its path, and the passages on it. Does not import ROS."""
+"""The order in which a robot visits the tags, and its path. Does not import ROS."""
 
 import itertools
 import random
@@ -10,22 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import Flags, FreeSpace, Point
-from lupin_greenhouse_bridge.planning.octagons import Numbers, number_within
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
+from lupin_greenhouse_bridge.planning.octagons import Numbers
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
-from lupin_greenhouse_bridge.planning.visibility_graph import AreNarrow, VisibilityGraph
-from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
+from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
 
-ORDERS = ('given', 'numeric', 'shortest')
+ORDERS = ('given', 'shortest')
 NEIGHBOURS = 30  # of each stop, to which the path is known
 FAR_M = 1e4  # added to the distance of two stops if the length of the path between them is not known
 JOINED = 10  # nearest stops that a stop may be joined to
 SMALLEST_GAIN_M = 1e-6
-LONGEST_DETOUR = 1.1  # length of a leg that avoids narrow passages, in lengths of the shortest path
 PERTURBATIONS = 600
 LONGEST_PERTURBATION = 50  # stops
-STEP_M = 0.05  # along a line, from one place to the next where the width of its passage is measured
 
 Progress = Callable[[str, int, int], None]
 
@@ -46,16 +42,14 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     tag_ids: Sequence[str] | None = None,
     end_m: tuple[float, float] | None = None,
     *,
-    are_narrow: AreNarrow | None = None,
     progress: Progress = lambda *_: None,
 ) -> Route:
     """
-    Return the route along the poses of these tags, or of all: as given, by number, or the shortest found.
+    Return the route along the poses of these tags, or of all: as given, or the shortest found.
 
     It begins at the start and ends at the end, which may be a dock; without them, any tag may be the first or
     the last. The shortest route goes to the nearest tag each time, and is then improved by 2-opt and by
     exchanging parts.
-    A leg avoids the lines of which `are_narrow` tells, if it is then at most 10 % longer.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a tag without a pose, or one that is cut off.
     """
@@ -63,8 +57,6 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     for tag_id in tag_ids:
         if tag_id not in poses:
             raise StartUpError(f"tag '{escaped(tag_id, 64)}' has no approach pose: leave it out of the order")
-    if order != 'given':
-        tag_ids.sort(key=natural_order)
     at_tags = [poses[tag_id][:2] for tag_id in tag_ids]
     stops = [stop for stop in (start_m, *at_tags, end_m) if stop is not None]
     are_free = free_space.are_free(stops)
@@ -79,7 +71,7 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
         if order == 'shortest':
             lengths_m = _lengths_m(graph, np.array(stops), progress)
             visits = _shortest(lengths_m, progress, has_start=start_m is not None, has_end=end_m is not None)
-        points = _path(graph, stops, visits, are_narrow, progress)
+        points = _path(graph, stops, visits, progress)
     tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
     return Route([tag_of[each] for each in visits if each in tag_of], points, free_space.length_m(points))
 
@@ -88,7 +80,6 @@ def _path(
     graph: VisibilityGraph,
     stops: list[Point],
     visits: list[int],
-    are_narrow: AreNarrow | None,
     progress: Progress,
 ) -> list[Point]:
     """Return the points of the path along these stops; raises StartUpError if one is cut off."""
@@ -97,8 +88,6 @@ def _path(
     for leg, nodes in graph.paths(legs):
         paths[leg] = nodes
         progress('legs of the route', len(paths), len(legs))
-    if are_narrow:
-        paths |= graph.wider_paths(legs, paths, LONGEST_DETOUR, are_narrow)
     points = [stops[visits[0]]]
     for leg, (here, there) in enumerate(legs):
         if leg not in paths:
@@ -217,52 +206,3 @@ class _Tour:
         self._legs_m[begin - 1 : end] = self._between_m(
             self.order[begin - 1 : end], self.order[begin : end + 1]
         )
-
-
-class Passage(NamedTuple):
-    """The narrowest passage of the leg that ends at a tag: its width in metres between the obstacles."""
-
-    tag_id: str
-    width_m: float
-
-
-class Passages:
-    """
-    Tells where lines of a robot's path lead through passages narrower than it needs.
-
-    The width is measured across a line, from the table or wall on its left to that on its right.
-    """
-
-    def __init__(self, layout: Layout, walls: Walls, needed_m: float):
-        """Take the width in metres that the robot needs."""
-        self._obstacles, self.needed_m = FreeSpace(layout, walls, 0.0), needed_m
-
-    def are_narrow(self, starts: np.ndarray, ends: np.ndarray) -> Flags:
-        """Return whether each line, from a free point (lines, 2) to another, has a passage too narrow."""
-        return np.asarray(self._widths_m(starts, ends) < self.needed_m - 1e-9)
-
-    def narrow_on(self, route: Route, poses: Mapping[str, ApproachPose]) -> list[Passage]:
-        """Return for each leg of a route that leads through a passage too narrow its narrowest one."""
-        points_m = np.array(route.points_m).reshape(-1, 2)
-        widths_m = self._widths_m(points_m[:-1], points_m[1:]).tolist()
-        left_to_visit = list(route.tag_ids)
-        narrowest: dict[str, float] = {}
-        for here, width_m in zip(route.points_m, widths_m, strict=False):
-            while left_to_visit and here == poses[left_to_visit[0]][:2]:
-                del left_to_visit[0]
-            if not left_to_visit:
-                break
-            narrowest[left_to_visit[0]] = min(width_m, narrowest.get(left_to_visit[0], width_m))
-        return [Passage(*each) for each in narrowest.items() if each[1] < self.needed_m - 1e-9]
-
-    def _widths_m(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return the width of the narrowest passage of each line, and at most the width that is needed."""
-        lengths_m = np.hypot(*(ends - starts).T)
-        directions = (ends - starts) / np.maximum(lengths_m, 1e-9)[:, None]
-        lines, number = number_within(np.ceil(lengths_m / STEP_M).astype(int))
-        places = starts[lines] + STEP_M * number[:, None] * directions[lines]
-        across = self.needed_m * np.column_stack([-directions[:, 1], directions[:, 0]])[lines]
-        narrowest_m = np.full(len(lengths_m), self.needed_m)
-        widths_m = sum(self._obstacles.reach_m(places, places + side * across) for side in (1, -1))
-        np.minimum.at(narrowest_m, lines, widths_m)
-        return narrowest_m

@@ -18,7 +18,6 @@ from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
 from lupin_greenhouse_bridge.planning.occupancy import ConnectedParts, OccupancyMap
 from lupin_greenhouse_bridge.planning.octagons import Numbers
-from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.tag_poses import (
     EQUAL_M,
     Obstacles,
@@ -32,10 +31,11 @@ from lupin_greenhouse_bridge.planning.viewpoints import (
     best_first,
     directions,
     find_candidates,
-    overridden,
+    pose_by_hand,
     wrapped,
 )
 from lupin_greenhouse_bridge.planning.walls import Walls
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 # How far an alternative pose is from each one before, or how much it is turned.
@@ -64,7 +64,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     *,
     start_m: Point | None = None,
     end_m: Point | None = None,
-    overrides: Mapping[str, Override] | None = None,
+    overrides: Mapping[str, PoseInPlane] | None = None,
     most_per_tag: int = 1,
     occupancy: OccupancyMap | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
@@ -77,7 +77,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     those with view and room after an arrival beside the pose, then the one nearest to the preferred standoff,
     then the one with the smallest incidence angle. Without that room, the roomiest pose wins.
     With more than one pose per tag, the next best ones that are at least ALTERNATIVE_M or ALTERNATIVE_RAD
-    from each before are its alternatives; where an override sets the pose, there is none.
+    from each before are its alternatives; a tag with an override has none.
     A map, in the frame of the layout, leaves only the poses from which it is free by the radius and the
     clearance, and which such places in the map connect. The paths do not know the map.
     `progress` is told what is done, how much of it, and of how much.
@@ -87,8 +87,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     map_warnings = []
     if occupancy is not None:
         map_warnings = _check_place_of(occupancy, free_space.tag_poses, limits, walls)
-    override_of = {tag_id: Override() for tag_id in layout.tags} | dict(overrides or {})
-    search = _Search(layout, walls, limits, override_of, free_space, occupancy)
+    search = _Search(layout, walls, limits, overrides or {}, free_space, occupancy)
     views = {}
     for count, tag_id in enumerate(layout.tags):
         progress('tags with a pose', count, len(layout.tags))
@@ -108,12 +107,11 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
             found.unreachable[tag_id] = view.reason
             continue
         found.alternatives[tag_id] = search.alternatives(tag_id, view.pose, region, most_per_tag - 1)
-        found.poses[tag_id], problem = overridden(
-            view.pose, free_space.tag_poses[tag_id], limits, override_of[tag_id]
-        )
+        found.poses[tag_id] = view.pose
         shown = f"tag '{escaped(tag_id, 64)}'"
-        if problem:
-            found.view_warnings[tag_id] = f'{shown}: the robot cannot see it as its override says: {problem}'
+        if view.problem:
+            problem = f'the camera cannot see it from its override: {view.problem}'
+            found.view_warnings[tag_id] = f'{shown}: {problem}'
         if view.room_m < limits.clearance_m - EQUAL_M:
             found.room_warnings[tag_id] = (
                 f"{shown}: its pose has {view.room_m:.3f} m of room beyond the robot's radius, less than the"
@@ -169,6 +167,7 @@ class _View(NamedTuple):
     pose: ApproachPose | None = None
     room_m: float = 0.0  # beyond the robot's radius
     region: int = -1  # of the free space
+    problem: str = ''  # why the camera cannot see the tag from a pose that is set by hand
 
 
 class _Search:
@@ -179,7 +178,7 @@ class _Search:
         layout: Layout,
         walls: Walls,
         limits: ViewingLimits,
-        overrides: Mapping[str, Override],
+        overrides: Mapping[str, PoseInPlane],
         free_space: FreeSpace,
         occupancy: OccupancyMap | None,
     ):
@@ -206,6 +205,8 @@ class _Search:
         """Return the best pose of a tag in a region, or anywhere."""
         if not self._walls.has_inside(*self._free_space.tag_poses[tag_id][:2]):
             return _View(f'outside the walls ({self._walls}): correct them, or the config of the greenhouse')
+        if tag_id in self._overrides:
+            return self._by_hand(tag_id, region)
         # Most tags need no more than the preferred standoff.
         nearby = self._candidates(tag_id, at_preferred_standoff=True)
         view = self._best_of(tag_id, nearby, region, worst_rank=0)
@@ -213,7 +214,7 @@ class _Search:
 
     def alternatives(self, tag_id: str, best: ApproachPose, region: int, most: int) -> list[ApproachPose]:
         """Return at most so many other poses of a tag in a region, the best first."""
-        if not most or self._overrides[tag_id].yaw is not None:
+        if not most or tag_id in self._overrides:
             return []
         poses, found = self._candidates(tag_id), [best]
         while len(found) <= most:
@@ -225,10 +226,39 @@ class _Search:
             found.append(pose)
         return found[1:]
 
+    def _by_hand(self, tag_id: str, region: int | None) -> _View:
+        """Return the pose of an override, if the robot can be there."""
+        limits, tag = self._limits, self._free_space.tag_poses[tag_id]
+        place = np.array([self._overrides[tag_id][:2]])
+        if not self._free_space.are_free(place)[0]:
+            return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m at its override')
+        if region is not None and self.region_of(self._overrides[tag_id][:2]) != region:
+            return _View('')
+        pose, problem = pose_by_hand(self._overrides[tag_id], tag, limits)
+        beyond_m = limits.robot_radius_m + limits.room_for_arrival_m + abs(limits.camera_offset_m)
+        around = self._obstacles.around(tag_id, pose.distance_m + beyond_m)
+        room_m = float(around.gaps_m(place)[0]) - limits.robot_radius_m
+        eye = place + limits.camera_offset_m * directions(np.array([pose.yaw]))
+        if not problem and not around.are_in_view(eye)[0]:
+            problem = 'a table or another tag hides it'
+        view = self._free_in_map(pose, room_m, place)
+        return view._replace(problem=problem) if view.pose else view
+
+    def _free_in_map(self, pose: ApproachPose, room_m: float, place: np.ndarray) -> _View:
+        """Return the view from a free pose, if the map leaves enough room there."""
+        if self._occupancy is not None:
+            gaps_m, _ = self._occupancy.gaps_m(place, self._needed_m)
+            if gaps_m[0] < self._needed_m - EQUAL_M:
+                return _View(
+                    f'the map has no room at its override: {gaps_m[0]:.2f} m, and the robot needs'
+                    f' {self._needed_m:g} m'
+                )
+        return _View('', pose, room_m, self.region_of(pose[:2]))
+
     def _candidates(self, tag_id: str, *, at_preferred_standoff: bool = False) -> np.ndarray:
         """Return the possible poses of a tag in an array (poses, 5)."""
-        tag, override = self._free_space.tag_poses[tag_id], self._overrides[tag_id]
-        return find_candidates(tag, self._limits, override, at_preferred_standoff=at_preferred_standoff)
+        tag = self._free_space.tag_poses[tag_id]
+        return find_candidates(tag, self._limits, at_preferred_standoff=at_preferred_standoff)
 
     def _best_of(
         self, tag_id: str, poses: np.ndarray, region: int | None, worst_rank: float = math.inf
@@ -244,8 +274,6 @@ class _Search:
         order = best_first(poses, rooms_m, limits, worst_rank)
         if not len(order):
             where = f'within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
-            if keys := [key for key, value in self._overrides[tag_id]._asdict().items() if value is not None]:
-                where = f'where the overrides set the pose: correct {", ".join(keys)}'
             return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
         return self._first_valid(around, poses[order], rooms_m[order])
 

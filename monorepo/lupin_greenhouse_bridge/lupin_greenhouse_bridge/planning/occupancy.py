@@ -1,7 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The map that SLAM made, as an occupancy grid, and the distances to its obstacles. Does not import ROS."""
 
-import contextlib
 import copy
 import math
 from collections.abc import Sequence
@@ -18,15 +17,11 @@ from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
-# Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
+# Of a cell from 0 to 100 %; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
-MODES = ('trinary', 'scale', 'raw')
-FLAGS = (
-    {'0': False, '1': True}
-    | dict.fromkeys(('true', 'yes', 'on', 'y'), True)
-    | dict.fromkeys(('false', 'no', 'off', 'n'), False)
-)
-DEFAULTS = {'negate': '0', 'occupied_thresh': '0.65', 'free_thresh': '0.25', 'mode': 'trinary'}
+DEFAULTS = {'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}  # of map_server
+AS_SAVED = "save it again with Nav2's map_saver_cli, in its default mode"
+GREY_MODES = ('1', 'L', 'P', 'RGB')  # of an image of PIL: 8 bits, and no opacity
 NO_COLUMN = 2**30  # where no cell of a row is taken
 
 
@@ -162,36 +157,30 @@ class ConnectedParts:
 
 
 def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:
-    """Return the map of a YAML file and its image, read as Nav2's map_server does; raises StartUpError."""
+    """Return a trinary map, as Nav2's map_saver writes it: a YAML file and its image. Raises StartUpError."""
     where = f"map '{escaped(str(path), 500)}'"
     if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
         raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')
     wanted = 'a mapping with image, resolution and origin'
-    data: dict[str, Any] = DEFAULTS | read_yaml(path, where, wanted, is_typed=False)
+    data: dict[str, Any] = DEFAULTS | read_yaml(path, where, wanted)
     if not isinstance(data.get('image'), str) or not data['image']:
         raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
-    for key in ('resolution', 'occupied_thresh', 'free_thresh'):
-        data[key] = _number_in(data.get(key))
-    negate = _number_in(data['negate'])
-    if isinstance(negate, int):  # map_server takes each whole number as a flag
-        data['negate'] = str(negate != 0)
-    for key, allowed in (('mode', MODES), ('negate', FLAGS)):
-        word = str(data[key]).lower()
-        if word not in allowed:
+    for key in ('mode', 'negate'):
+        if data[key] != DEFAULTS[key]:
             shown = escaped(repr(data[key]), 60)
-            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(allowed)}')
-        data[key] = word
+            raise StartUpError(f'{where}: {key} is {shown}: only {DEFAULTS[key]} is read: {AS_SAVED}')
     resolution_m = number(data, 'resolution', where, 'metres per cell', 1e-4, 1.0)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
-    origin = dict(zip(('x', 'y', 'yaw'), map(_number_in, data['origin']), strict=True))
+    origin = dict(zip(('x', 'y', 'yaw'), data['origin'], strict=True))
     x, y, yaw = (float(number(origin, key, f'{where}: origin', *each)) for key, each in POSE_LIMITS.items())
     for key in ('occupied_thresh', 'free_thresh'):
         number(data, key, where, 'share of 1', smallest=0.0, largest=1.0)
     if data['free_thresh'] >= data['occupied_thresh']:
         raise StartUpError(f'{where}: free_thresh must be below occupied_thresh')
     image = Path(path).parent / data['image']
-    cells = _cells(*_read_image(image, where), data)
+    occupied = 1.0 - _read_image(image, where) / 255.0
+    cells = np.select([occupied > data['occupied_thresh'], occupied < data['free_thresh']], [100, 0], -1)
     height, width = cells.shape
     found = OccupancyMap(
         width, height, float(resolution_m), (x, y, yaw), cells[::-1].ravel(), unknown_is_free=unknown_is_free
@@ -200,17 +189,8 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     return found
 
 
-def _number_in(value: Any) -> Any:
-    """Return the number that yaml-cpp converts a text into, or the value itself if it is no number."""
-    with contextlib.suppress(TypeError, ValueError):
-        return int(value)
-    with contextlib.suppress(TypeError, ValueError):
-        return float(value)
-    return value
-
-
-def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the brightness and the opacity of each pixel, from 0 to 1; None for an image without opacity."""
+def _read_image(path: Path, where: str) -> np.ndarray:
+    """Return the brightness of each pixel, from 0 to 255."""
     try:
         from PIL import Image  # imported late: only maps need it
     except ImportError as error:
@@ -219,28 +199,10 @@ def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
         if path.exists() and not path.is_file():  # a pipe would wait for its writer
             raise ValueError('not a regular file')
         with Image.open(path) as image:
-            if image.mode.startswith('I'):  # 16 bits
-                return np.asarray(image, dtype=float) / 65535.0, None
-            has_alpha = 'A' in image.getbands() or 'transparency' in image.info
-            channels = np.asarray(image.convert('RGBA'))
+            mode, grey = image.mode, np.asarray(image.convert('L'))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         fault = f"image '{escaped(str(path), 300)}' cannot be read ({reason_of(error)})"
         raise StartUpError(f'{where}: {fault}: correct image in this file, or save the map again') from error
-    shade = channels[..., :3].sum(axis=2) / (3 * 255.0)
-    return shade, channels[..., 3] / 255.0 if has_alpha else None
-
-
-def _cells(shade: np.ndarray, opacity: np.ndarray | None, data: dict[str, Any]) -> np.ndarray:
-    """Return -1 to 100 for each pixel, as nav2_map_server/src/map_io.cpp computes it."""
-    if data['mode'] == 'raw':
-        values = np.round(255.0 * shade)
-        return np.where(values <= 100.0, values, -1)
-    if opacity is not None and data['mode'] == 'trinary':
-        shade = (3.0 * shade + opacity) / 4.0  # a mean of all four channels
-    occupied = shade if FLAGS[data['negate']] else 1.0 - shade
-    low, high = data['free_thresh'], data['occupied_thresh']
-    between = -1 if data['mode'] == 'trinary' else np.rint(100.0 * (occupied - low) / (high - low))
-    cells = np.select([occupied > high, occupied < low], [100, 0], between)
-    if opacity is not None and data['mode'] == 'scale':
-        cells[opacity < 1.0] = -1
-    return cells
+    if mode not in GREY_MODES:
+        raise StartUpError(f"{where}: image '{escaped(str(path), 300)}' is not 8-bit grey: {AS_SAVED}")
+    return grey

@@ -19,7 +19,6 @@ from lupin_greenhouse_bridge.errors import (
     StartUpError,
     UsageError,
     escaped,
-    is_environment_of_make,
 )
 from lupin_greenhouse_bridge.planning.registration import (
     DEFAULT_CLICK_ERROR_M,
@@ -29,7 +28,6 @@ from lupin_greenhouse_bridge.planning.registration import (
     MAP_FRAME,
     CannotFit,
     Point,
-    best_to_click,
     fit,
     read_places,
     write_transform,
@@ -86,9 +84,6 @@ def run_registration(
 
 def _register(executor: Executor, options: argparse.Namespace) -> None:
     layout = layout_of(options)
-    if options.suggest is not None:
-        _suggest(layout, options.suggest, options.tag_file)
-        return
     if options.pairs:
         places, frame_id = read_places(options.pairs), MAP_FRAME
     else:
@@ -126,12 +121,6 @@ def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options
     count = len(places) - len(fitted.left_out)
     if count == 2:
         print_line('two tags cannot show whether they are swapped or mirrored: add a third', sys.stderr)
-    elif fitted.hides_mirror:
-        print_line(
-            f'the {count} tags lie almost on one line, and cannot show whether they are mirrored: add a tag'
-            ' beside this line',
-            sys.stderr,
-        )
     if frame_id.rpartition('/')[2] != MAP_FRAME:
         print_line(
             f"the positions are in the frame '{frame}': set RViz's Fixed Frame to {MAP_FRAME}", sys.stderr
@@ -151,20 +140,6 @@ def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options
 def _raise_if_asked_to_end() -> None:
     if process.is_asked_to_end():
         raise Interrupted
-
-
-def _suggest(layout: Layout, count: int, tag_file: str) -> None:
-    """Print the tags that are best to click, and the command for them."""
-    if not 2 <= count <= len(layout.tags):
-        raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
-    places_m = _places_m(layout)
-    tag_ids = best_to_click(places_m, count)
-    _raise_if_asked_to_end()
-    rows = [(escaped(tag_id, 40), *(f'{each:.2f}' for each in places_m[tag_id])) for tag_id in tag_ids]
-    print_line('\n'.join(aligned_table([('tag', 'x in layout (m)', 'y in layout (m)'), *rows], [1, 2])))
-    command = NAME if is_environment_of_make() else f'ros2 run lupin_greenhouse_bridge {NAME}'
-    own_file = ['--tag-file', tag_file] if tag_file else []
-    print_line(f'To click them: {command} {shlex.join([*own_file, "--click", *tag_ids])}')
 
 
 def _places_m(layout: Layout) -> dict[str, Point]:
@@ -239,8 +214,6 @@ def _parser() -> argparse.ArgumentParser:
     add('--pairs', metavar='FILE', help=pairs)
     clicks = 'click these tags in RViz with Publish Point, one after the other in this order'
     add('--click', nargs='+', metavar='ID', help=clicks)
-    count = 'print the N tags that are best to click, and write nothing'
-    add('--suggest', type=number_type('a whole number, such as 3', int), metavar='N', help=count)
     add_arguments(parser)
     return parser
 

@@ -37,6 +37,11 @@ class Transform(NamedTuple):
     y: float = 0.0
     yaw: float = 0.0
 
+    def inverse(self) -> 'Transform':
+        """Return the transform from the map into the frame of the layout."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return Transform(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, -self.yaw)
+
     def point(self, x: float, y: float) -> Point:
         """Transform a point from the frame of the layout into the map."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
@@ -55,7 +60,6 @@ class Fit(NamedTuple):
     left_out: list[str]
     farthest: str  # the tag of the layout that is farthest from those that fit
     expected_error_m: float  # root mean square, of the farthest tag in the map
-    hides_mirror: bool  # the tags lie so near to one line that a mirror image fits about as well
 
 
 class _Alignment(NamedTuple):
@@ -93,7 +97,6 @@ def fit(
         raise CannotFit(f'tags with a position in the map: {len(tag_ids)}: at least 2 are needed')
     everywhere = _complex(layout_m.values())
     layout, in_map = _complex(layout_m[tag_id] for tag_id in tag_ids), _complex(map_m.values())
-    _check_unit(layout, in_map)
     kept = _agreeing(layout, in_map, tolerance_m)
     if _is_mirrored(layout, in_map, kept, tolerance_m, click_error_m):
         raise CannotFit(
@@ -128,30 +131,13 @@ def fit(
             f' {tolerance_m:g} m: use more tags, or tags that are farther apart'
         )
     rotation, shift, _ = aligned
-    mirrored_error = _aligned(layout[kept].conj(), in_map[kept]).squared_error
     return Fit(
         Transform(shift.real, shift.imag, cmath.phase(rotation)),
         dict(zip(tag_ids, np.abs(rotation * layout + shift - in_map).tolist(), strict=True)),
         [tag_id for number, tag_id in enumerate(tag_ids) if number not in kept],
         farthest,
         expected_error_m,
-        hides_mirror=mirrored_error < aligned.squared_error + (4 * deviation_m) ** 2,
     )
-
-
-def best_to_click(layout_m: Mapping[str, Point], count: int) -> list[str]:
-    """Return `count` tags that are widely spread in both directions, from x and y in metres by tag id."""
-    tag_ids, places = list(layout_m), np.array(list(layout_m.values()))
-    chosen = [int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())]
-
-    def spread(number: int) -> Point:
-        """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
-        scatter = np.cov(places[[*chosen, number]].T)
-        return round(float(np.linalg.det(scatter)), 6), float(np.trace(scatter))
-
-    while len(chosen) < count:
-        chosen.append(max((each for each in range(len(tag_ids)) if each not in chosen), key=spread))
-    return [tag_ids[number] for number in chosen]
 
 
 def _complex(places: Iterable[Point]) -> Positions:
@@ -164,15 +150,6 @@ def _aligned(layout: Positions, in_map: Positions) -> _Alignment:
     rotation = cmath.rect(1.0, cmath.phase(product))
     shift = complex(middle_in_map - rotation * middle)
     return _Alignment(rotation, shift, np.abs(rotation * layout + shift - in_map))
-
-
-def _check_unit(layout: Positions, in_map: Positions) -> None:
-    """Raise CannotFit if one side is about 100 or 1000 times as large as the other."""
-    apart, apart_in_map = (float(np.median(np.abs(np.diff(each)))) for each in (layout, in_map))
-    for side, large, small in (('map', apart_in_map, apart), ('layout', apart, apart_in_map)):
-        for factor, unit in ((100, 'centimetres'), (1000, 'millimetres')):
-            if 0.8 < large / factor / (small or math.inf) < 1.25:
-                raise CannotFit(f'the positions in the {side} seem to be in {unit}: write metres')
 
 
 def _agreeing(layout: Positions, in_map: Positions, tolerance_m: float) -> Numbers:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, TagPose
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
 STANDOFF_STEP_M = 0.02
 ANGLE_STEP_RAD = math.radians(1.5)
@@ -95,35 +95,28 @@ class ViewingLimits:
 
 
 def find_candidates(
-    tag: TagPose, limits: ViewingLimits, override: Override, *, at_preferred_standoff: bool = False
+    tag: TagPose, limits: ViewingLimits, *, at_preferred_standoff: bool = False
 ) -> np.ndarray:
     """Return the possible poses of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
-    views = _views(limits, override, at_preferred_standoff=at_preferred_standoff)
+    views = _views(limits, at_preferred_standoff=at_preferred_standoff)
     places = tag[:2] + views[:, :1] * directions(tag.facing + views[:, 1])
-    for axis, value in enumerate((override.goal_x, override.goal_y)):
-        if value is not None:
-            places[:, axis] = value
     towards = tag[:2] - places
     yaws = np.arctan2(towards[:, 1], towards[:, 0])
     incidences = np.abs(wrapped(yaws + math.pi - tag.facing))
     return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
 
 
-def _views(limits: ViewingLimits, override: Override, *, at_preferred_standoff: bool) -> np.ndarray:
+def _views(limits: ViewingLimits, *, at_preferred_standoff: bool) -> np.ndarray:
     """Return the standoff and the signed incidence angle of each possible view of a tag (views, 2)."""
-    preferred_m = limits.preferred_standoff_m if override.standoff is None else override.standoff
-    if override.goal_x is not None or override.goal_y is not None:
-        return np.array([(preferred_m, 0.0)])
+    preferred_m = limits.preferred_standoff_m
     standoffs_m = [preferred_m]
-    if override.standoff is None and not at_preferred_standoff:
+    if not at_preferred_standoff:
         standoffs_m += _steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M)
         standoffs_m += _steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M)
     one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
     one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
     angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
     views = np.array(list(itertools.product(standoffs_m, angles)))
-    if override.standoff is not None:
-        return views
     # A tag looks narrower from the side: a steep view must be nearer.
     narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
     farthest_m = np.maximum(narrow_m * np.cos(views[:, 1]), limits.smallest_standoff_m)
@@ -131,22 +124,17 @@ def _views(limits: ViewingLimits, override: Override, *, at_preferred_standoff: 
     return np.asarray(views[is_wide | (views[:, 0] <= farthest_m + EQUAL_M)])
 
 
-def overridden(
-    pose: ApproachPose, tag: TagPose, limits: ViewingLimits, override: Override
-) -> tuple[ApproachPose, str]:
+def pose_by_hand(pose: PoseInPlane, tag: TagPose, limits: ViewingLimits) -> tuple[ApproachPose, str]:
     """
-    Return a pose with the yaw of an override, and why the camera cannot see the tag, or ''.
+    Return the approach pose that a team has set, and why the camera cannot see the tag from it, or ''.
 
     The angle of the pose is that of the camera's line of sight. If the robot looks past the tag, there is
     none, and the angle is that between the direction of the robot and the normal of the tag.
     """
-    if override == Override():
-        return pose, ''
-    yaw = pose.yaw if override.yaw is None else math.remainder(override.yaw, math.tau)
-    camera_x, camera_y = (
-        place + limits.camera_offset_m * part
-        for place, part in ((pose.x, math.cos(yaw)), (pose.y, math.sin(yaw)))
-    )
+    x, y, yaw = pose
+    distance_m = math.hypot(tag.x - x, tag.y - y)
+    camera_x = x + limits.camera_offset_m * math.cos(yaw)
+    camera_y = y + limits.camera_offset_m * math.sin(yaw)
     sight = math.atan2(tag.y - camera_y, tag.x - camera_x)
     past_rad, incidence_rad = _between(sight, yaw), _between(sight + math.pi, tag.facing)
     angle_rad, reason = incidence_rad, ''
@@ -158,7 +146,12 @@ def overridden(
             f'the incidence angle is {math.degrees(incidence_rad):.0f}°, above'
             f' {math.degrees(limits.steepest_rad):g}°: correct the position'
         )
-    return pose._replace(yaw=yaw, angle_rad=angle_rad), reason
+    elif not limits.smallest_standoff_m - EQUAL_M <= distance_m <= limits.largest_standoff_m + EQUAL_M:
+        reason = (
+            f'it is {distance_m:.2f} m from the tag, not {limits.smallest_standoff_m:g} to'
+            f' {limits.largest_standoff_m:g} m: correct the position'
+        )
+    return ApproachPose(x, y, yaw, distance_m, angle_rad), reason
 
 
 def _between(one_rad: float, other_rad: float) -> float:

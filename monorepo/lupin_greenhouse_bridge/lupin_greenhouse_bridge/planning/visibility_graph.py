@@ -1,8 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The shortest paths between points of a free space. Does not import ROS."""
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,14 +9,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
-from lupin_greenhouse_bridge.planning.free_space import Flags, FreeSpace, Point
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
 from lupin_greenhouse_bridge.planning.octagons import Numbers
 
 NEAREST = 256  # nodes to which a node can be linked
 NODES_AT_ONCE = 4096
 DISTANCES_AT_ONCE = 2**22
-
-AreNarrow = Callable[[np.ndarray, np.ndarray], Flags]  # of lines from points (lines, 2) to others
 
 
 def shortest_path(free_space: FreeSpace, start_m: ArrayLike, goal_m: ArrayLike) -> list[Point] | None:
@@ -92,35 +89,6 @@ class VisibilityGraph:
                 else:
                     longer.append(leg)
             left = np.array(longer, dtype=int)
-
-    def wider_paths(
-        self, legs: np.ndarray, paths: Mapping[int, list[int]], longest_detour: float, are_narrow: AreNarrow
-    ) -> dict[int, list[int]]:
-        """
-        Return the nodes of the shortest path without a narrow link, for each leg with a short enough one.
-
-        Takes the legs, what paths() yields for them, and the longest detour as a multiple of that path. The
-        narrow links of the paths are closed, and the search for these legs is repeated.
-        """
-        graph, ends = self._graph.copy(), self._first + legs[:, 1]
-        limits_m = np.zeros(len(legs))
-        for leg, nodes in paths.items():
-            limits_m[leg] = longest_detour * FreeSpace.length_m(self.points_m(nodes))
-        found, wide = dict(paths), dict[int, list[int]]()
-        while found:
-            links_of = {leg: list(itertools.pairwise(nodes)) for leg, nodes in found.items()}
-            links = np.array(list(set(itertools.chain.from_iterable(links_of.values()))))
-            here, there = links[are_narrow(*self._nodes[links.T])].T
-            graph[here, there] = graph[there, here] = np.inf
-            narrow = set(zip(here, there, strict=True))
-            wide |= {leg: found[leg] for leg in found if narrow.isdisjoint(links_of[leg])}
-            left = np.array([leg for leg in found if leg not in wide], dtype=int)
-            found = {}
-            for place, lengths_m, before in self._search(graph, legs[left, 0], limits_m[left]):
-                leg = left[place]
-                if lengths_m[ends[leg]] <= limits_m[leg]:
-                    found[leg] = _trace(before, ends[leg])
-        return wide
 
     def points_m(self, nodes: list[int]) -> list[Point]:
         """Return the points of a path, in metres."""

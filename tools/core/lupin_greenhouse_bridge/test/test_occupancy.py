@@ -72,35 +72,27 @@ GREY = [[254, 205, 204, 128], [90, 89, 88, 0]]  # 0, 0.196, 0.2, 0.498; 0.647, 0
     [
         (GREY, {}, ['.???', '?###']),
         (GREY, {'free_thresh': 0.25}, ['...?', '?###']),
-        (GREY, {'negate': 1, 'occupied_thresh': 0.9}, ['#???', '???.']),
-        # scale: from 0.196 to 0.65 it is 0 to 100 %, so 0.2 is 1 %, 0.498 is 67 %, and 0.647 is 99 %
-        (GREY, {'mode': 'scale'}, ['...#', '####']),
-        (GREY, {'mode': 'scale', 'occupied_thresh': 0.9}, ['...?', '?###']),  # 0.498 is 43 %, 0.647 64.1 %
-        # raw: the value is the percentage, above 100 it is unknown, and negate has no effect
-        (GREY, {'mode': 'raw', 'negate': 1}, ['????', '###.']),
-        ([[0, 25, 26, 64, 65, 100, 101]], {'mode': 'raw'}, ['..??##?']),
+        (GREY, {'mode': 'trinary', 'negate': 0, 'occupied_thresh': 0.9}, ['.???', '???#']),
     ],
 )
 @pytest.mark.parametrize('name', ['map.pgm', 'map.png'])
-def test_each_mode_reads_the_grey_as_nav2_does(write_map, name, pixels, values, rows):
+def test_the_grey_is_read_as_nav2_does(write_map, name, pixels, values, rows):
     assert percents(read_map(write_map(pixels, name, **values))) == rows
 
 
-WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+@pytest.mark.parametrize('mode', ['1', 'P', 'RGB'])
+def test_a_grey_image_may_have_few_colours_or_a_palette(write_map, tmp_path, mode):
+    path = write_map([[255, 0]], 'map.png')
+    Image.open(tmp_path / 'map.png').convert(mode).save(tmp_path / 'map.png')
+    assert percents(read_map(path)) == ['.#']
 
 
-def test_opacity_colours_palettes_and_16_bits_are_read(write_map, tmp_path):
-    """A transparent pixel is unknown in mode scale, and has a mean of four channels in mode trinary."""
-    pixels = [[(*WHITE, 255), (*WHITE, 0), (*BLACK, 255), (*BLACK, 0)]]  # the means are 1, 0.75, 0.25 and 0
-    assert percents(read_map(write_map(pixels, 'map.png'))) == ['.?##']
-    assert percents(read_map(write_map(pixels, 'map.png', mode='scale'))) == ['.?#?']
-    # 0, 0.203, 0.667 and 0.92 occupied
-    path = write_map([[WHITE, (255, 255, 100), (255, 0, 0), (0, 0, 60)]], 'map.png')
-    assert percents(read_map(path)) == ['.?##']
-    Image.open(tmp_path / 'map.png').quantize().save(tmp_path / 'map.png')
-    assert percents(read_map(path)) == ['.?##']
-    Image.fromarray(np.array([[65535, 40000, 0]], dtype=np.uint16)).save(tmp_path / 'map.png')
-    assert percents(read_map(path)) == ['.?#']
+@pytest.mark.parametrize('mode', ['LA', 'RGBA', 'I;16'])
+def test_an_image_that_is_not_8_bit_grey_is_refused(write_map, tmp_path, mode):
+    path = write_map([[255, 0]], 'map.png')
+    Image.new(mode, (2, 1)).save(tmp_path / 'map.png')
+    with pytest.raises(StartUpError, match=r"map.png' is not 8-bit grey: save it again"):
+        read_map(path)
 
 
 @pytest.mark.parametrize('unknown_is_free', [False, True])
@@ -211,35 +203,6 @@ def test_places_outside_the_map_are_warned_of_unless_the_unknown_is_free(write_m
 
 
 @pytest.mark.parametrize(
-    ('line', 'instead'),
-    [
-        ('resolution: 1.0', "resolution:\t'+1'  # metres"),
-        ('origin: [0.5, 0.0, 0.0]', 'origin: ["0.5", 0, -0e0]'),
-        ('mode: scale', 'mode: "SCALE"'),
-        ('negate: 1', 'negate: "yes"'),
-        ('negate: 1', 'negate: True'),
-        ('negate: 1', 'negate: -1'),
-        ('negate: 1', 'negate: 1\nnegate: 0\nresolution: 9.0'),  # the first of equal keys counts
-        ('free_thresh: 0.25', 'free_thresh: 2.5E-1'),
-        ('free_thresh: 0.25', ''),  # the default
-        ('occupied_thresh: 0.65', ''),
-    ],
-)
-def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
-    """map_server takes each of these files, and PyYAML alone reads some of their values as another type."""
-    path = write_map(GREY)
-    lines = ['image: map.pgm', 'resolution: 1.0', 'origin: [0.5, 0.0, 0.0]', 'mode: scale', 'negate: 1']
-    lines += ['occupied_thresh: 0.65', 'free_thresh: 0.25']
-    path.write_text('\n'.join(lines), encoding='utf-8')
-    usual = read_map(path)
-    path.write_text('\n'.join(lines).replace(line, instead), encoding='utf-8')
-    found = read_map(path)
-    assert instead in path.read_text(encoding='utf-8')
-    assert (percents(found), found.origin) == (percents(usual), usual.origin)
-    assert found.resolution_m == usual.resolution_m == 1.0
-
-
-@pytest.mark.parametrize(
     ('values', 'fault'),
     [
         ({'image': 'none.pgm'}, "none.pgm' cannot be read (No such file or directory): correct image in"),
@@ -250,8 +213,8 @@ def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
         ({'origin': [0.0, 0.0, 90.0]}, 'origin: yaw is 90.0: must be a number from -10 to 10 (radians)'),
         ({'resolution': '0.05 m'}, "resolution is '0.05 m': must be a number"),
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
-        ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
-        ({'negate': 1.0}, "negate is '1.0': must be one of 0, 1, true, yes"),
+        ({'mode': 'scale'}, "mode is 'scale': only trinary is read: save it again with Nav2's map_saver_cli"),
+        ({'negate': 1}, 'negate is 1: only 0 is read: save it again'),
         ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
         ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
     ],

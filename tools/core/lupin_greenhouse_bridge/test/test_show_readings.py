@@ -334,8 +334,7 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
     assert viewer.markers[-1].markers[0].header.frame_id == PANEL['followTf'] == frame
     displays = {each['Topic']['Value']: each for each in RVIZ['Displays'] if 'Topic' in each}
     published = dict(node.get_publisher_names_and_types_by_node('show_readings', '/'))
-    published['/approach_poses/poses'] = ['geometry_msgs/msg/PoseArray']
-    shown = {'/show_readings/markers': 'MarkerArray', '/approach_poses/poses': 'PoseArray'}
+    shown = {'/show_readings/markers': 'MarkerArray'}
     assert displays.keys() == {*shown, '/show_readings/field'}
     for topic, display in displays.items():
         kind = shown.get(topic, 'Map')

@@ -1,13 +1,6 @@
-"""
-`ros2 run lupin_greenhouse_bridge approach_poses`: print the pose from which a robot sees each tag.
-
-Imports ROS only for --publish.
-"""
+"""`ros2 run lupin_greenhouse_bridge approach_poses`: print the pose from which a robot sees each tag."""
 
 import argparse
-import csv
-import io
-import itertools
 import json
 import math
 import sys
@@ -17,13 +10,13 @@ from typing import Any
 
 import yaml
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
-from lupin_greenhouse_bridge.planning.overrides import EXAMPLE, read_overrides
-from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
-from lupin_greenhouse_bridge.planning.route import ORDERS, Passage, Passages, Route, plan_route
-from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
+from lupin_greenhouse_bridge.planning.overrides import read_overrides
+from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
+from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser, number_type
 from lupin_greenhouse_bridge.runtime.output import (
@@ -33,12 +26,10 @@ from lupin_greenhouse_bridge.runtime.output import (
     print_line,
     said_if_slow,
 )
-from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 Poses = dict[str, Any]  # what `--format json` prints
-NAV2_CELL_M = 0.05  # Nav2's default resolution of a costmap
-MOST_NAMED = 6  # tags in a warning
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = {  # by field of ViewingLimits: option, and help
     'robot_radius_m': ('--radius', 'radius of the robot in metres'),
@@ -57,38 +48,25 @@ LIMITS = {  # by field of ViewingLimits: option, and help
 
 def main(args: list[str] | None = None) -> int:
     """Print the poses as the command line asks; return the exit code."""
-    words = (sys.argv if args is None else args)[1:]
-    ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
-    options = _parser().parse_args(words[: len(words) - len(ros_words)])
+    options = _parser().parse_args((sys.argv if args is None else args)[1:])
     try:
-        for before, rule in itertools.pairwise(ros_words):
-            name, _, value = rule.partition(':=')
-            if before in ('-p', '--param') and name != 'use_sim_time':
-                option = f'--{name.replace("_", "-")} {value}'
-                raise UsageError(f'-p {rule} sets nothing here: write {option} before --ros-args')
-        if options.publish:
-            from lupin_greenhouse_bridge.runtime.run import check_arguments
-
-            check_arguments(['approach_poses', *ros_words])
-        data, frame_id = _compute(options)
+        data = _compute(options)
         print_line(FORMATS[options.format](data), end='')
         _warn(*(f"tag '{escaped(each['tag_id'], 64)}': {each['reason']}" for each in data['unreachable']))
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
-    exit_code = SOME_HAVE_NONE if data['unreachable'] else ALL_HAVE_A_POSE
-    return _publish(data['poses'], frame_id, ros_words, exit_code) if options.publish else exit_code
+    return SOME_HAVE_NONE if data['unreachable'] else ALL_HAVE_A_POSE
 
 
-def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
-    """Read the files, find the poses and the route, warn, draw; return the poses, and their frame."""
+def _compute(options: argparse.Namespace) -> Poses:
+    """Read the files, find the poses and the route, warn, draw; return the poses."""
     layout = require_layout(options.tag_file)
-    frame_id, transform = MAP_FRAME, Transform()
-    if options.layout_in_map:
-        frame_id, transform = read_registration(options.layout_in_map)
-    overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
-    if options.overrides and not overrides:
-        raise StartUpError(f'{warnings[0]}: name a tag of the layout, as in {EXAMPLE}')
+    layout_in_map = read_registration(options.layout_in_map)[1] if options.layout_in_map else None
+    transform = layout_in_map or Transform()
+    overrides, warnings = dict[str, PoseInPlane](), list[str]()
+    if options.overrides:
+        overrides, warnings = read_overrides(options.overrides, layout.tags, layout_in_map)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
@@ -104,7 +82,6 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     if options.picture:
         _check_picture(options.picture, occupancy)
     start_m, end_m = (each and tuple(each) for each in (options.start, options.end))
-    passages = Passages(layout, walls, 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M))
     progress = Progress('approach_poses')
     try:
         approaches = find_approaches(
@@ -126,26 +103,20 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             start_m,
             options.order,
             end_m=end_m,
-            are_narrow=passages.are_narrow,
             progress=progress,
         )
     finally:
         progress.clear()
-    if narrow := passages.narrow_on(route, approaches.poses):
-        _warn(_warning_of_narrow(narrow, passages.needed_m))
     if options.picture:
         with said_if_slow('approach_poses', 'drawing the picture'):
             _draw(options.picture, layout, walls, approaches, route, occupancy)
         _warn(f'picture: {escaped(str(options.picture), 500)}')
-    return _data_of(approaches, route, transform), frame_id
+    return _data_of(approaches, route, transform)
 
 
 def _limits_of(options: argparse.Namespace) -> ViewingLimits:
     off_m, off_rad = options.arrival_tolerance
     values = {name: getattr(options, name) for name in LIMITS}
-    for name, value in values.items():
-        if name.endswith('_rad') and 0.0 < value < math.pi / 2:
-            raise UsageError(f'{LIMITS[name][0]} is {value:g}: write {math.degrees(value):.0f}, in degrees')
     return ViewingLimits(
         **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
         arrival_tolerance_m=off_m,
@@ -156,16 +127,6 @@ def _limits_of(options: argparse.Namespace) -> ViewingLimits:
 def _warn(*lines: str) -> None:
     for line in lines:
         print_line(f'approach_poses: {line}', sys.stderr)
-
-
-def _warning_of_narrow(narrow: list[Passage], needed_m: float) -> str:
-    named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
-    more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
-    return (
-        f'on the way to {", ".join(named)}{more}, a passage is narrow: without Nav2, nothing needs to be'
-        f' done; a local costmap of Nav2 with cells of {NAV2_CELL_M} m needs {needed_m:.2f} m: give it finer'
-        ' cells'
-    )
 
 
 def _data_of(approaches: Approaches, route: Route, transform: Transform) -> Poses:
@@ -223,56 +184,11 @@ def _as_table(data: Poses) -> str:
     return '\n'.join([*aligned_table(rows, range(1, len(rows[0]))), summary, ''])
 
 
-def _as_csv(data: Poses) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, ('tag_id', *ApproachPose._fields), lineterminator='\n')
-    writer.writeheader()
-    writer.writerows(data['poses'])
-    return text.getvalue()
-
-
-def _as_nav2(data: Poses) -> str:
-    """Return the waypoints in the format of the nav2_rviz_plugins panel, whose quaternions begin with w."""
-    waypoints = {}
-    for number, each in enumerate(data['poses']):
-        x, y, z, w = quaternion_of(each['yaw'])
-        waypoints[f'waypoint{number}'] = {
-            'pose': [each['x'], each['y'], 0.0],
-            'orientation': [round(w, 9), x, y, round(z, 9)],
-        }
-    return str(yaml.safe_dump({'waypoints': waypoints}, sort_keys=False))
-
-
 FORMATS: dict[str, Callable[[Poses], str]] = {
     'table': _as_table,
     'yaml': lambda data: yaml.safe_dump(data, allow_unicode=True, sort_keys=False),
     'json': lambda data: json.dumps(data, ensure_ascii=False, indent=2) + '\n',
-    'csv': _as_csv,
-    'nav2': _as_nav2,
 }
-
-
-def _publish(poses: list[dict[str, Any]], frame_id: str, ros_words: list[str], exit_code: int) -> int:
-    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM; return the exit code."""
-    import rclpy
-    from geometry_msgs.msg import PoseArray
-    from rclpy.node import Node
-
-    from lupin_greenhouse_bridge.contract import latched
-    from lupin_greenhouse_bridge.runtime.run import run
-
-    def node_with_poses() -> Node:
-        node = rclpy.create_node('approach_poses')
-        message = PoseArray(poses=[pose_message(each['x'], each['y'], each['yaw']) for each in poses])
-        message.header.frame_id = frame_id
-        message.header.stamp = node.get_clock().now().to_msg()
-        publisher = node.create_publisher(PoseArray, '~/poses', latched())
-        publisher.publish(message)
-        node.get_logger().info(f'{pluralized(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
-        return node
-
-    args = ['approach_poses', *ros_words]
-    return run('approach_poses', node_with_poses, args, conclude=lambda _: exit_code, refused=USAGE)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -305,8 +221,8 @@ def _parser() -> argparse.ArgumentParser:
         '--order',
         choices=ORDERS,
         default='shortest',
-        help='order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
-        ' route found) (default: %(default)s)',
+        help='order of the visits: given (as in the tag file), or shortest (the shortest route found)'
+        ' (default: %(default)s)',
     )
     add('--start', **place, help='where the robot starts: x and y in metres, in the layout')
     add('--end', **place, help='where the route ends, such as at a dock: x and y in metres, in the layout')
@@ -325,5 +241,4 @@ def _parser() -> argparse.ArgumentParser:
     )
     add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
     add('--picture', **file, type=Path, help='draw the layout, the poses and the route')
-    add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
     return parser

@@ -79,10 +79,6 @@ class FreeSpace:
         starts, ends = np.broadcast_arrays(_points(starts), _points(ends))
         return self._octagons.first_entered(starts, ends)[0] < 0
 
-    def reach_m(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return how far each line from a free point (lines, 2) gets before an obstacle, in metres."""
-        return np.asarray(np.hypot(*(self._octagons.first_entered(starts, ends)[1] - starts).T))
-
     def are_tangent(self, corners: Numbers, towards: np.ndarray) -> Flags:
         """Return whether a line in each direction (lines, 2) passes by its corner, which has this number."""
         turns = [towards[:, 0] * each[corners, 1] - towards[:, 1] * each[corners, 0] for each in self._sides]

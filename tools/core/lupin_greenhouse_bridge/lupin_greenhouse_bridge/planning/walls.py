@@ -13,7 +13,6 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MOST_NAMED = 4  # tags or tables in a warning
-FAR_LARGER = 30  # times as large as the layout: then one of them is not in metres
 LARGEST_YAW_RAD = 10.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
 
@@ -65,7 +64,7 @@ def walls_around(layout: Layout) -> Walls:
 
 
 def warning_of_outside(layout: Layout, walls: Walls) -> str:
-    """Return a warning of the tags and tables outside the walls, or of far larger walls; '' if they fit."""
+    """Return a warning of the tags and tables outside the walls; '' if there are none."""
     tags = [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]
     tables = [
         name
@@ -73,13 +72,9 @@ def warning_of_outside(layout: Layout, walls: Walls) -> str:
         if not (walls.has_inside(x0, y0) and walls.has_inside(x1, y1))
     ]
     named = [names_text(*each, MOST_NAMED) for each in (('tag', tags), ('table', tables)) if each[1]]
-    remedy = 'set --walls or --sim-config-file, all in metres'
-    if named:
-        return f'outside the walls ({walls}): {", ".join(named)}: {remedy}'
-    around = walls_around(layout)
-    if all(walls[n + 2] - walls[n] > FAR_LARGER * (around[n + 2] - around[n]) for n in (0, 1)):
-        return f'the walls ({walls}) are far larger than the layout: {remedy}'
-    return ''
+    if not named:
+        return ''
+    return f'outside the walls ({walls}): {", ".join(named)}: set --walls or --sim-config-file, all in metres'
 
 
 def parse_walls(value: object) -> Walls | None:
