@@ -21,7 +21,7 @@ TAKES_build := PACKAGES
 TAKES_generate := ARGS
 TAKES_test := WORKERS
 TAKES_test-tree := PACKAGES WORKERS
-TAKES_figure := PAGE ARGS
+TAKES_figure := ARGS
 TAKES_bench := SHORT ARGS
 TAKES_soak := SHORT REFUSALS SIGNALS ARGS
 TAKES_test-network := SHORT ARGS
@@ -34,7 +34,7 @@ VALUE_mission := RECORD
 VALUE_page := FILE
 VALUE_tags := SIDE
 VALUE_mirror-import := PATCH
-SWITCHES := CAMERA DRIVE PAGE SHORT
+SWITCHES := CAMERA DRIVE SHORT
 ON := 1 yes Yes YES on On ON true True TRUE
 OFF := 0 no No NO off Off OFF false False FALSE
 CAMERAS := image compressed detections
@@ -119,7 +119,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world: override TREE := monorepo
 
-.PHONY: $(TARGETS) figure-check page-check mission-check namespace-check python-check run-check soak-check tags-check
+.PHONY: $(TARGETS) page-check mission-check namespace-check python-check run-check soak-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -223,13 +223,8 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 docs-check: build  ## check links, shell blocks, parameters, ROS graphs and files of tests in the documents
 	@$(IN_ENV) $(WITHIN) --stand-ins python ci/docs_check.py
 
-figure: figure-check build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
-	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
+figure: build  ## draw the greenhouse for the documents: ARGS="--output FOLDER"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
-
-figure-check:
-	@[[ ! "$(PAGE)" || ! "$$ARGS" ]] \
-	    || { echo 'figure: PAGE=1 draws the committed pictures and takes no ARGS: leave one of them out' >&2; exit 2; }
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
 	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench

@@ -38,7 +38,6 @@ NUMBERS = [
     ('generate_world', '--side 4cm', 'a number in metres, such as 0.5'),
     ('register_discovered_tags', '--tags 4.0', 'a whole number, such as 4'),
     ('tag_sheet', '--side 4cm', 'a number in millimetres, such as 40'),
-    ('figure', '--hour noon', 'a number of hours from 0 to 24, such as 12.5'),
 ]
 
 

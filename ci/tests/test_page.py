@@ -6,19 +6,22 @@ import json
 import os
 import random
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pypdfium2
 import pytest
-from browser import CHROMIUM, NO_CHROMIUM, chromium
 from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
 from PIL import Image, ImageColor
+from playwright.sync_api import sync_playwright
 
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), '')
+NO_CHROMIUM = 'Chromium is missing, which opens the page of readings: sudo apt install chromium'
 pytestmark = [pytest.mark.heavy, pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)]
 START_S = 1795190000
 EVIL = '<img src=x onerror=alert(1)><script>alert(1)</script><b>&amp;'
@@ -171,8 +174,8 @@ def visit(number, tag_id, sensors, outcome='OK'):
 @pytest.fixture(scope='module')
 def browser():
     """Return the browser of all tests."""
-    with chromium() as started:
-        yield started
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM)
 
 
 @pytest.fixture

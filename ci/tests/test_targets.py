@@ -78,7 +78,6 @@ MISTAKES = [
     (['x\'$(HOME)"'], """there is no target x'$(HOME)": the targets are help run smoke read """),
     (['mirror-import', 'N.patch'], 'there is no target N.patch: write PATCH="N.patch"'),
     (['tags', '40'], 'there is no target 40: write SIDE="40"'),
-    (['figure', 'PAGE=1', 'ARGS=--output x'], 'figure: PAGE=1 draws the committed pictures and '),
     (['mission', 'DRIVE=', '1'], 'there is no target 1: write a value without a space, such as DRIVE=1'),
     (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
     (['mission', 'DRIVE'], 'there is no target DRIVE: write DRIVE=1'),
