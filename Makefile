@@ -8,7 +8,7 @@ override VENV := $(or $(VENV),.venv)
 TREES := monorepo lupin_greenhouse_ros
 TARGETS := help run smoke read mission page world tags \
     env build bridge generate generate-check drift test test-tree lint docs-check figure clean lock \
-    bench soak test-network test-heavy matrix test-apriltag test-22-04 \
+    bench soak test-heavy matrix test-apriltag test-22-04 \
     mirror-publish mirror-publish-check mirror-import
 # The variables that a target takes beside COMMON.
 TAKES_run := NAMESPACE ARGS
@@ -22,9 +22,8 @@ TAKES_generate := ARGS
 TAKES_test := WORKERS
 TAKES_test-tree := PACKAGES WORKERS
 TAKES_figure := ARGS
-TAKES_bench := SHORT ARGS
-TAKES_soak := SHORT REFUSALS SIGNALS ARGS
-TAKES_test-network := SHORT ARGS
+TAKES_bench := SHORT
+TAKES_soak := SHORT
 TAKES_matrix := PYTHONS DISTROS SIMULATORS WORKERS
 TAKES_mirror-publish := REMOTE RELEASE ARGS
 TAKES_mirror-import := PATCH
@@ -117,9 +116,9 @@ BUILD := "$$VENV/bin/python" -ES ci/build.py
 WITHIN := "$$VENV/bin/python" -ES ci/within.py
 
 # Their programs use packages that only the monorepo has, whatever TREE says.
-bench docs-check figure soak tags test-network world: override TREE := monorepo
+bench docs-check figure soak tags world: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-check mission-check namespace-check python-check run-check soak-check tags-check
+.PHONY: $(TARGETS) page-check mission-check namespace-check python-check run-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -227,7 +226,7 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output FOLDER"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
-	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench
+	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
 	@cd ci/requirements && for distro in kilted jazzy; do \
@@ -236,21 +235,11 @@ lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Py
 
 # measure
 
-bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: one minute)
-	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
+bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: half a minute)
+	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short)
 
-soak: SOAK = python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(call QUOTED,$(REFUSALS))) \
-    $(if $(SIGNALS),--signals $(call QUOTED,$(SIGNALS))) $(ARGS)
-soak: soak-check build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) $(SOAK) --check
-	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins $(SOAK)
-
-soak-check:
-	@for number in "$$REFUSALS" "$$SIGNALS"; do [[ "$$number" =~ ^[0-9]*$$ ]] \
-	    || { echo "soak: '$$number' is no whole number: write one, such as SIGNALS=500" >&2; exit 2; }; done
-
-test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
-	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short) $(ARGS)
+soak: build  ## check the promises under faults and load (SHORT=1: half a minute)
+	@$(IN_ENV) $(KILL_TREE) python tools/measure/soak.py $(if $(SHORT),--short)
 
 test-heavy: env  ## run all other tests, as CI does after make test (half an hour)
 	@$(RUN_TESTS) heavy

@@ -18,7 +18,7 @@ INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 EXECUTABLES = sorted(
     path for path in INSTALLED.glob('*/lib/lupin_*/*') if os.access(path, os.X_OK) and path.is_file()
 )
-MEASUREMENTS = [ROOT / f'tools/measure/{name}.py' for name in ('bench', 'network', 'soak')]
+MEASUREMENTS = [ROOT / f'tools/measure/{name}.py' for name in ('bench', 'soak')]
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES + MEASUREMENTS, ids=lambda path: path.name)
