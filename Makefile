@@ -217,7 +217,6 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 	@$(IN_ENV) mypy
 	@$(IN_ENV) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
-	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
 docs-check: build  ## check links, shell blocks, parameters, ROS graphs and files of tests in the documents
 	@$(IN_ENV) $(WITHIN) --stand-ins python ci/docs_check.py

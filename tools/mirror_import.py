@@ -3,8 +3,8 @@ Import patches of the open-source mirror: each becomes a commit of the core and 
 
     make mirror-import PATCH=N.patch
 
-PATCH is the file that GitHub and GitLab serve for a pull or merge request at its address plus .patch, or the
-output of git format-patch --stdout. In a work tree of its own, the program applies each patch to
+PATCH is the file that GitHub serves for a pull request at its address plus .patch, or the output of
+git format-patch --stdout. In a work tree of its own, the program applies each patch to
 lupin_greenhouse_ros/, takes the changed files over into the core, and generates both trees. A commit has the
 author, date and message of its patch.
 Exit code: 0 the whole series is imported, 1 nothing is, 2 there is no such file, or there are own changes.

@@ -81,7 +81,7 @@ def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repository, 
     code, printed = publish('--release', VERSION)
     assert code == 0, printed
     assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
-    # GitHub and GitLab make the first branch that they get the default branch.
+    # GitHub makes the first branch that it gets the default branch.
     pushed = re.findall('refs/.*|end of push', (remote / 'pushed').read_text())
     assert pushed == [REFS[1], 'end of push', REFS[0], f'refs/tags/{VERSION}', 'end of push']
     mirror = git(repository, 'rev-parse', 'HEAD:lupin_greenhouse_ros')
@@ -129,10 +129,10 @@ def test_another_default_branch_is_told_with_what_to_set(remote, publish, branch
 @pytest.mark.parametrize(
     ('remote', 'address'),
     [
-        ('git@gitlab.com:group/sub/name.git', 'https://gitlab.com/group/sub/name.git'),
+        ('git@github.com:group/sub/name.git', 'https://github.com/group/sub/name.git'),
         ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
         ('ssh://git@github.com:22/owner/name.git', 'https://github.com/owner/name.git'),
-        ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
+        ('https://me:secret@github.com/owner/name', 'https://github.com/owner/name'),
     ],
 )
 def test_the_address_is_one_that_a_reader_can_clone(remote, address):
