@@ -157,17 +157,12 @@ mission-check:
 	    || { echo "mission: RECORD='$$RECORD': there is no folder '$$folder': make it (mkdir -p), or name another" >&2; exit 2; }; \
 	[ -w "$$folder" ] || { echo "mission: RECORD='$$RECORD': you cannot write to the folder '$$folder': name another" >&2; exit 2; }
 
-# FILE is one file, whose path may have spaces, or several.
-SPLIT_READINGS = if [ -e "$$READINGS" ]; then set -- "$$READINGS"; else set -- $$READINGS; fi
 page: export READINGS = $(or $(FILE),$(shell find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2-))
-page: page-check bridge  ## make a page of the readings of the last mission, or of FILE="a.sqlite b.csv c.jsonl"
-	@$(IN_ENV) $(SPLIT_READINGS); "$$LUPIN_EXECUTABLES/readings_page" "$$@" $(ARGS)
+page: page-check bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$READINGS" $(ARGS)
 
 page-check:
 	@[ "$$READINGS" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }
-	@$(SPLIT_READINGS); for file in "$$@"; do \
-	    [ ! -d "$$file" ] || { echo "page: '$$file' is a folder: name a file of readings in it with FILE=" >&2; exit 2; }; \
-	    [ -f "$$file" ] || { echo "page: there is no file '$$file': name a file of readings with FILE=" >&2; exit 2; }; done
 	@$(if $(FILE),,echo "page: of the newest report, $$READINGS")
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"

@@ -7,7 +7,7 @@ from pathlib import Path
 import docs_check
 import pytest
 from conftest import ROOT, of_a_user, succeed
-from lupin_greenhouse_bridge.display.drawing_command import read_file
+from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.units import name_of
 
 pytestmark = pytest.mark.heavy
@@ -39,7 +39,7 @@ def test_the_tutorial(copy, open_shell):
             second.run(block)
     readings = read_file(copy / 'my_readings.sqlite').rows
     assert sorted(row.tag_id for row in readings) == ['1', '1', '2', '3']
-    for name in ('my_poses.png', 'my_readings.png', 'my_readings.html'):
+    for name in ('my_poses.png', 'my_readings.html'):
         assert (copy / name).stat().st_size > 0
 
 
@@ -67,14 +67,14 @@ def test_the_thread_of_the_readme(copy):
     assert '29/29 tags read' in printed.splitlines()
     (report,) = copy.glob('.mission/*.jsonl')
     assert len(report.with_name(f'{report.stem}-route.csv').read_text().splitlines()) > 29
-    assert report.with_suffix('.png').exists()
+    assert report.with_suffix('.html').exists()
     reported = {row[:1] + row[2:5] for row in read_file(report).rows}
     recorded = read_file(copy / 'readings.sqlite').rows
     assert {row[:1] + row[2:5] for row in recorded} == reported
     assert f'{len(reported)} rows kept in readings.sqlite' in printed
     page = (copy / 'readings.html').read_text(encoding='utf-8')
     found = re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
-    (data,) = json.loads(found)['files']
+    data = json.loads(found)
     shown = {
         (tag['id'], sensor['name'], value)
         for tag in data['tags']
@@ -83,4 +83,3 @@ def test_the_thread_of_the_readme(copy):
     }
     assert shown == {(row.tag_id, name_of(row.sensor), row.value) for row in recorded}
     assert (copy / 'poses.png').stat().st_size > 0
-    assert (copy / 'readings.png').stat().st_size > 0

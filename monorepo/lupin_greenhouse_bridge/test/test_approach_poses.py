@@ -212,3 +212,9 @@ def test_the_overrides_of_the_documents_show_the_robot_their_tags(tmp_path, caps
         if len(poses) == 29:  # other versions of the simulator have the tags in other places
             assert (exit_code, 'override' in err) == (0, False)
             assert [poses['7'][key] for key in ('x', 'y', 'yaw')] == pytest.approx([3.0, 7.4, 3.14], abs=1e-3)
+
+
+def test_without_matplotlib_the_package_to_install_is_named(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    assert approach_poses.main(['approach_poses', '--picture', 'route.png']) == 2
+    assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')

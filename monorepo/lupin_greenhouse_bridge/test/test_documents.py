@@ -17,8 +17,8 @@ import yaml
 from conftest import NO_DETECTIONS
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
-from lupin_greenhouse_bridge.display.drawing_command import read_file, read_route
 from lupin_greenhouse_bridge.display.markers import scaled
+from lupin_greenhouse_bridge.display.reading_file import read_file, read_route
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading

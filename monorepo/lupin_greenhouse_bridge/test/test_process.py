@@ -156,7 +156,7 @@ def test_each_executable_starts_its_module_and_those_without_a_node_handle_no_si
         assert start.args[0].rpartition('.')[2] == name
         assert importlib.import_module(*start.args).main
     without_a_node = [name for name, start in starts.items() if start.keywords == {'has_node': False}]
-    assert without_a_node == ['plot_report', 'readings_page', 'approach_poses']
+    assert without_a_node == ['readings_page', 'approach_poses']
 
 
 def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
@@ -240,11 +240,11 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
 def test_work_without_steps_is_told_of_only_if_it_is_slow(monkeypatch):
     written = queue.SimpleQueue()
     monkeypatch.setattr(sys, 'stderr', SimpleNamespace(write=written.put, flush=bool, isatty=bool))
-    with said_if_slow('plot_report', 'drawing', seconds=3600.0):
+    with said_if_slow('approach_poses', 'drawing', seconds=3600.0):
         pass
     assert written.empty()
-    with said_if_slow('plot_report', 'drawing', seconds=0.0):
-        assert written.get(timeout=60.0) == 'plot_report: drawing'
+    with said_if_slow('approach_poses', 'drawing', seconds=0.0):
+        assert written.get(timeout=60.0) == 'approach_poses: drawing'
 
 
 @pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])

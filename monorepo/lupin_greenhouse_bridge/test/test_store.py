@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge.display.drawing_command import read_file
+from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording import store as store_module

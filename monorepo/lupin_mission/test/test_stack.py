@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
-from lupin_greenhouse_bridge.display.drawing_command import read_file
+from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 from lupin_mission.mission_orchestrator import MissionNode

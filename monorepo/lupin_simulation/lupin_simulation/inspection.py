@@ -2,8 +2,8 @@
 `ros2 run lupin_simulation inspection`: run a whole mission on its own ROS domain.
 
 Starts the bridge, the mission and, with --camera, a camera that confirms tags. With --drive, a navigator
-moves a robot that has the camera on it. With --record, a recorder keeps the readings. Writes a report, its
-picture and its page, whose names start with the time. Exit code: the mission's, 0 if all tags were read; 1 if
+moves a robot that has the camera on it. With --record, a recorder keeps the readings. Writes a report and
+its page, whose names start with the time. Exit code: the mission's, 0 if all tags were read; 1 if
 another node ends first, or if a reading was not recorded; 2 if it cannot start; 130 after Ctrl-C or SIGTERM.
 """
 
@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import domain_coordinator
-from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
+from lupin_greenhouse_bridge.display.reading_file import COMPANION_ENDINGS, read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
@@ -175,17 +175,13 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def draw(report: Path, walls: str) -> int:
-    """Draw the picture and the page of a report; return the exit code of the picture's command."""
-    print_line('drawing the picture and the page ...')
-    # The commands themselves find the files beside the report.
+    """Make the page of a report; return the exit code of its command, which finds the files beside it."""
     arguments = [str(report), *(['--walls', *map(str, parse_numbers(walls))] if walls else [])]
-    exit_codes = []
-    for name in ('plot_report', 'readings_page'):
-        command = [executable('lupin_greenhouse_bridge', name), *arguments]
-        exit_codes.append(subprocess.run(command, check=False).returncode)
-        raise_if_asked_to_end()
+    command = [executable('lupin_greenhouse_bridge', 'readings_page'), *arguments]
+    exit_code = subprocess.run(command, check=False).returncode
+    raise_if_asked_to_end()
     print_line(f'report: {report}')
-    return exit_codes[0]
+    return exit_code
 
 
 def not_read(report: Path) -> str:
@@ -218,7 +214,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add('--drive', action='store_true', help=drive)
     record = 'add the readings to this .sqlite, .db or .csv file, which need not exist'
     add('--record', metavar='FILE', help=record)
-    output = 'folder for the report, its picture and its page; default: %(default)s'
+    output = 'folder for the report and its page; default: %(default)s'
     add('--output', type=folder_type, default=Path('.mission'), metavar='FOLDER', help=output)
     add('--check', action='store_true', help='check the arguments and the file to record to, and end')
     add('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')

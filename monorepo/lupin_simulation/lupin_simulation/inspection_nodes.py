@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
-from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
+from lupin_greenhouse_bridge.display.reading_file import COMPANION_ENDINGS
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
 from lupin_greenhouse_bridge.runtime.parameters import fault_of_rule
 from lupin_mission import settings as mission_settings

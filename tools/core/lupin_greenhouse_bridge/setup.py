@@ -39,7 +39,6 @@ setup(
             'register_layout = lupin_greenhouse_bridge.executables:register_layout',
             'read_on_sight = lupin_greenhouse_bridge.executables:read_on_sight',
             'record_readings = lupin_greenhouse_bridge.executables:record_readings',
-            'plot_report = lupin_greenhouse_bridge.executables:plot_report',
             'readings_page = lupin_greenhouse_bridge.executables:readings_page',
             'show_readings = lupin_greenhouse_bridge.executables:show_readings',
         ],

@@ -1,2 +1,2 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Show readings: show_readings, readings_page, plot_report. Never asks the bridge."""
+"""Show readings: show_readings, readings_page. Never asks the bridge."""

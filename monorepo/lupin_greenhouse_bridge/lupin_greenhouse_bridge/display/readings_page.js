@@ -1,21 +1,19 @@
 // Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 'use strict';
-// Draws the page of readings from the data in it. The address tells which file and tag: ?file=1#tag=28.
+// Draws the page of readings from the data in it. The address tells which tag is chosen: #tag=28.
 const element = id => document.getElementById(id);
-const { files, differences } = JSON.parse(element('data').textContent);
-const file_number = Number(new URLSearchParams(location.search).get('file'));
-const data = files[file_number] ?? files[0];
+const data = JSON.parse(element('data').textContent);
 const TAB_HEIGHT = 220;
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the times of tags, would say nothing
-const MOST_ON_PAPER = 40;  // numbers of tags in a small map, which only paper shows
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
 const CLEAR = 12;  // from a label to the ring of another tag, if it can
 const SHORTEST_LEADER = 10, GAP = 3;  // of the line from a dot to its label, and between the two
-const LANE = 3;  // between parts of the route that share a piece
+const ONE_PLACE_M = 0.1;  // in which a route ends where it starts
+const ROUTE_STEP = 6;  // between the boxes along the route that labels avoid
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
 const BESIDE_LONE = 22;  // at both ends of a chart of points without a line, room for their labels
 const FROM_AXIS = 6;  // of a label in a chart
@@ -34,13 +32,9 @@ for (const { extremes, unit } of data.sensors) {
 const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER_MAP = [400, 740];  // in print, as the next one
-const paper_columns = count => is_long ? 1 : Math.min(count, 3);
-const paper_chart = count => [704 / paper_columns(count) - 12, is_long ? 190 : count % 3 ? 182 : 155];
 const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
-// A clock of the greenhouse that is faster than ours tells more.
-const state = { sensor: 0, clock: data.speed ? 'day' : 'wall', is_printed: false };
+const state = { sensor: 0, clock: 'wall' };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
 
@@ -121,8 +115,7 @@ function write_head() {
   const when = is_one_day && span ? [whole(date(last)), whole(span)] : [span];
   element('title').textContent = ['Simulated readings', ...when].filter(Boolean).join(', ');
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
-  const greenhouse = [data.greenhouse_times, data.speed].filter(Boolean).join(' ');
-  write_pieces(element('file'), [data.title, greenhouse].filter(Boolean));
+  write_pieces(element('file'), [data.title, data.greenhouse_times].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
@@ -141,28 +134,6 @@ function write_tags(line, { word, reason, tags, more }, name) {
   const [, plain, code = ''] = /^(.*?)(?: (\(Nav2 code \d+\)))?$/s.exec(reason);
   if (plain) line.append(`: ${plain}`);
   if (code) mark(line, 'small', {}, code.replaceAll(' ', '\u00a0')).before(' ');
-}
-
-// Writes the table of several files, and links to the page of each.
-function write_differences() {
-  files.forEach(({ title }, number) => {
-    const link = mark(element('files'), 'a', { href: `?file=${number}` }, title);
-    if (data === files[number]) link.ariaCurrent = 'page';
-    link.addEventListener('click', () => { link.hash = location.hash; });
-  });
-  const table = element('differences'), head = mark(mark(table, 'thead'), 'tr'), body = mark(table, 'tbody');
-  const names = ['tag', 'sensor', ...files.map(({ title }) => title), 'difference'];
-  names.forEach((name, number) => mark(head, 'th', { scope: 'col', class: number > 1 ? 'number' : '' }, name));
-  for (const { tag, sensor, cells, farthest, difference } of differences) {
-    const row = mark(body, 'tr');
-    mark(mark(row, 'th', { scope: 'row' }), 'a', { href: address(tag) }, tag);
-    mark(row, 'td', {}, sensor);
-    cells.forEach(([text, time], number) => {
-      const cell = mark(row, 'td', { class: number === farthest ? 'number farthest' : 'number' }, text, ' ');
-      mark(cell, 'small', {}, time);
-    });
-    mark(row, 'td', { class: 'number' }, difference);
-  }
 }
 
 // Boxes [left, top, right, bottom] and the places of labels
@@ -272,16 +243,38 @@ function draw_ground(svg, { x, y, scale }) {
 
 function draw_route(svg, { x, y }) {
   if (data.route.length < 2) return;
-  const shifted = ([at_x, at_y, aside = 0, up = 0]) => [x(at_x) + LANE * aside, y(at_y) - LANE * up];
-  const points = data.route.map(shifted), [start, end] = [points[0], points.at(-1)];
+  const points = data.route.map(([at_x, at_y]) => [x(at_x), y(at_y)]), [start, end] = [points[0], points.at(-1)];
   mark(svg, 'path', { class: 'route', d: path_of(points) });
-  for (const [at_x, at_y, heading, ...shift] of data.arrows) {
-    const transform = `translate(${shifted([at_x, at_y, ...shift])}) rotate(${-heading * 180 / Math.PI})`;
+  for (const [at_x, at_y, heading] of data.arrows) {
+    const transform = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
     mark(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform });
   }
   for (const stop of data.stops) mark(svg, 'circle', { class: 'stop', cx: x(stop[0]), cy: y(stop[1]), r: 3 });
   mark(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
   mark(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
+}
+
+// Returns small boxes along the route.
+function boxes_of_route({ x, y }) {
+  const boxes = [];
+  let left = 0;  // to the next box
+  data.route.slice(1).forEach(([to_x, to_y], number) => {
+    const [from_x, from_y] = data.route[number], dx = x(to_x) - x(from_x), dy = y(to_y) - y(from_y);
+    const length = Math.hypot(dx, dy);
+    for (; left < length; left += ROUTE_STEP) {
+      boxes.push(around(x(from_x) + dx * left / length, y(from_y) + dy * left / length, 4, 4));
+    }
+    left -= length;
+  });
+  return boxes;
+}
+
+// Returns the words at the start and the end of the route with their places.
+function ends_of_route() {
+  if (data.route.length < 2) return [];
+  const [start, end] = [data.route[0], data.route.at(-1)];
+  const is_round = Math.hypot(start[0] - end[0], start[1] - end[1]) < ONE_PLACE_M;
+  return is_round ? [['start, end', start]] : [['start', start], ['end', end]];
 }
 
 function draw_axes(svg, { x, y, scale, room: [left, , , bottom] }) {
@@ -296,8 +289,7 @@ function draw_axes(svg, { x, y, scale, room: [left, , , bottom] }) {
 
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
-  const size = state.is_printed ? PAPER_MAP : [size_of(place)[0], Infinity];
-  const frame = frame_of(...size, { left: 32, right: 1, top: 6, bottom: 20 });
+  const frame = frame_of(size_of(place)[0], Infinity, { left: 32, right: 1, top: 6, bottom: 20 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   const [left, , right] = frame.room, bar = document.querySelector('#bar .colours').style;
@@ -317,12 +309,12 @@ function draw_map() {
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
     route: [
-      ...[...data.route, ...data.stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+      ...boxes_of_route(frame),
       ...data.arrows.map(([x, y]) => around(frame.x(x), frame.y(y), 6, 6)),
     ],
     dots: [...dots, ...data.stops.map(([x, y]) => ({ x: frame.x(x), y: frame.y(y) }))], more: [[0.25, -1]],
   };
-  for (const [word, [x, y]] of Object.entries(data.route_ends)) {
+  for (const [word, [x, y]] of ends_of_route()) {
     const { box } = place_label({ x: frame.x(x), y: frame.y(y), radius: 5, width: width_of(word) + 16 }, boxes);
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
@@ -397,11 +389,6 @@ function draw_tab(sensor, number) {
   const key = mark(tab, 'span', { class: 'key' });
   key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
   for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
-  const read = data.tags.filter(tag => (tag.values[number] ?? null) !== null);
-  if (read.length > MOST_ON_PAPER) return;
-  const values = mark(tab, 'span', { class: 'paper' });
-  read.forEach((tag, at) => values.append(at ? ', ' : '', mark(values, 'b', {}, tag.id),
-    `:\u00a0${tag.values[number].toFixed(sensor.decimals)}`));
 }
 
 function draw_small_map(tab, sensor) {
@@ -410,8 +397,7 @@ function draw_small_map(tab, sensor) {
   draw_ground(svg, frame);
   const radius = clamp(frame.scale * 0.22, 1.5, 6);
   const dots = placed_tags.map(tag => ({
-    x: frame.x(tag.x), y: frame.y(tag.y), radius, outer: radius, width: width_of(tag.id), tag,
-    fill: sensor.colours[tag.number], has_failed: sensor.failed[tag.number],
+    x: frame.x(tag.x), y: frame.y(tag.y), fill: sensor.colours[tag.number], has_failed: sensor.failed[tag.number],
   })).filter(({ has_failed, fill }) => has_failed || fill).sort((one, other) => one.has_failed - other.has_failed);
   for (const { x, y, has_failed, fill } of dots) {
     const circle = { class: 'value', cx: x, cy: y, r: radius, stroke: 'currentColor' };
@@ -419,16 +405,6 @@ function draw_small_map(tab, sensor) {
     if (has_failed) for (const name of ['around', 'cross']) mark(svg, 'path', { class: `${name} thin`, d });
     else mark(svg, 'circle', { ...circle, ...filled(fill) });
   }
-  if (dots.length <= MOST_ON_PAPER) number_dots(mark(svg, 'g', { class: 'paper' }), dots, frame.room);
-}
-
-// Writes the ids of the tags beside their dots, if all have room.
-function number_dots(group, dots, room) {
-  const taken = dots.map(({ x, y, radius }) => around(x, y, 2 * radius, 2 * radius));
-  const boxes = { taken, room, route: [], dots };
-  plan_labels(dots, boxes);
-  for (const dot of dots) label_dot(group, dot, boxes, dot.has_failed ? 'lost halo' : 'muted halo', dot.tag.id);
-  if (group.querySelector('.spare')) group.remove();
 }
 
 function pick(number) {
@@ -588,13 +564,11 @@ function draw_charts(is_again = false) {
     return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
   // The heading is the first of the cells if they would not fill the last row.
-  const columns = state.is_printed ? paper_columns(figures.length)
-    : getComputedStyle(element('charts')).gridTemplateColumns.split(' ').length;
+  const columns = getComputedStyle(element('charts')).gridTemplateColumns.split(' ').length;
   element('charts').classList.toggle('first', figures.length % columns > 0);
   // After all figures are there, which changes their sizes. Their times are below each other.
   const charts = figures.map(([sensor, place, readout]) => {
-    const size = state.is_printed ? paper_chart(figures.length)
-      : size_of(place).map(each => Math.max(Math.floor(each), 120));
+    const size = size_of(place).map(each => Math.max(Math.floor(each), 120));
     return { sensor, place, readout, size, values: value_axis(sensor), labels: column_of(sensor, size[1]) };
   });
   const left = 10 + Math.max(...charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each)))));
@@ -602,15 +576,13 @@ function draw_charts(is_again = false) {
   for (const chart of charts) draw_chart(chart, left, chart.size[0] - beside);
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
-  const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
   const line = `${is_line ? 'line' : 'point'} is a tag with its number`;
   const value = is_line ? 'last value' : 'value';
   const bold = document.querySelector('.marked') ? `; bold: the lowest and the highest ${value}` : '';
   const beside_others = document.querySelector('.beside')
     ? '; a point that would cover another is moved to the right' : '';
   const { offsetHeight } = element('lines');
-  const steps = state.clock === 'wall' ? '' : ` ${data.clock}`;
-  element('series').textContent = `Each ${line}${beside_others}${bold}${hint}${axis}.${steps}`;
+  element('series').textContent = `Each ${line}${beside_others}${bold}${hint}.`;
   if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left
   show_chosen();
 }
@@ -743,7 +715,7 @@ const chosen_tag = () => data.tags.find(({ id }) => [address(id), `#tag=${id}`].
 
 function choose(tag) {
   if (tag) location.hash = address(tag.id);
-  else history.replaceState(null, '', location.pathname + location.search);
+  else history.replaceState(null, '', location.pathname);
   show_chosen();
 }
 
@@ -796,8 +768,7 @@ function fit_table() {
   table.classList.toggle('narrow', spare < 0);
 }
 
-function draw_all(is_printed = false) {
-  state.is_printed = is_printed;
+function draw_all() {
   fit_table();
   draw_map();
   draw_charts();
@@ -805,7 +776,6 @@ function draw_all(is_printed = false) {
 
 const page_style = document.documentElement.style;
 page_style.setProperty('--colours', data.colours);
-page_style.setProperty('--file', JSON.stringify(data.title));
 page_style.setProperty('--aspect', aspect);
 page_style.setProperty('--sensors', data.sensors.length);
 document.body.classList.toggle('tall', aspect < 1);
@@ -815,21 +785,16 @@ element('charts').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
 element('failed').hidden = !failure_words.length;
 element('moments').hidden = !data.is_of_several_times;
-element('moments').append(` ${data.clock}`);
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !data.stops.length;
 const has_blanks = tags_in_table.some(tag => !tag.has_failed && tag.values.includes(null));
 element('blanks').hidden = !(data.is_complete && has_blanks);
-element('unused').textContent = data.is_complete ? data.unused_numbers : '';
 element('goals').hidden = !placed_tags.some(tag => tag.goal);
 if (!is_line) document.querySelector('#charts h2').textContent = 'When each tag was read';
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;
-element('files').hidden = element('comparison').hidden = files.length < 2;
-if (files.length > 1) write_differences();
 write_head();
-page_style.setProperty('--title', JSON.stringify(element('title').textContent));
 write_table();
 fit_table();
 data.sensors.forEach(draw_tab);
@@ -840,16 +805,12 @@ addEventListener('hashchange', show_chosen);
 const widths = () => `${innerWidth} ${element('map').clientWidth}`;
 let drawn_widths = widths();
 addEventListener('resize', () => {
-  if (state.is_printed || drawn_widths === widths()) return;
+  if (drawn_widths === widths()) return;
   drawn_widths = widths();
   draw_all();
 });
-// The headers of the tables stay while the page scrolls.
+// The header of the table stays while the page scrolls.
 addEventListener('scroll', () => {
-  for (const head of document.querySelectorAll('thead')) {
-    const { top, height } = head.parentNode.getBoundingClientRect();
-    head.style.transform = `translateY(${clamp(-top, 0, Math.max(height - 2 * head.offsetHeight, 0))}px)`;
-  }
+  const head = document.querySelector('thead'), { top, height } = head.parentNode.getBoundingClientRect();
+  head.style.transform = `translateY(${clamp(-top, 0, Math.max(height - 2 * head.offsetHeight, 0))}px)`;
 }, { passive: true });
-addEventListener('beforeprint', () => draw_all(true));
-addEventListener('afterprint', () => draw_all());

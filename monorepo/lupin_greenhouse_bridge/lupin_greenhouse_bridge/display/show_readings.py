@@ -12,10 +12,8 @@ import array
 import math
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-from rclpy.clock import Clock, ROSClock
 from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -52,7 +50,6 @@ NODE_NAME = 'show_readings'
 PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
 MOST_CELLS, MOST_CELLS_MARKED = 1_000_000, 20_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
-MOST_APART_SECONDS = 60.0  # a stamp that disagrees more with the arrival does not tell which reading is newer
 
 
 @dataclass(frozen=True)
@@ -86,16 +83,6 @@ class Settings:
             raise invalid('map_frame', self.map_frame, 'the name of a frame, such as map')
 
 
-class ReceivedReading(NamedTuple):
-    """A received reading and its time of arrival; times are in seconds."""
-
-    reading: TagReading
-    topic: str
-    lag: float  # of its arrival after its stamp, by the clock of the stamp
-    steady: float  # the clocks when it arrived
-    simulated: float | None  # None for a stamp of the system's clock
-
-
 class ShowReadingsNode(Node):
     """Publishes `~/markers` and `~/field`, latched and once a second."""
 
@@ -117,9 +104,8 @@ class ShowReadingsNode(Node):
             )
         self._tags, self._layout_in_map = layout.tags, in_map
         self._scene = Scene(layout, walls, in_map, self._range)
-        self._received: dict[str, ReceivedReading] = {}  # the newest reading of each tag
+        self._received: dict[str, tuple[TagReading, float]] = {}  # the last of each tag, and when it arrived
         self._extremes: list[float] = []  # of all readings so far: the colours do not flicker
-        self._has_warned = False
         self._cells: array.array[int] | None = None  # of the field; None if a reading has arrived since
         self._field_marker: Marker | None = None
         self._unknown_ids: set[str] = set()
@@ -131,51 +117,15 @@ class ShowReadingsNode(Node):
         tags, sources = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
         self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {sources}')
 
-    def _on_reading(self, reading: TagReading, topic: str) -> None:
+    def _on_reading(self, reading: TagReading, _topic: str) -> None:
         tag_id = reading.tag_id
         if tag_id in self._tags:
-            new, last = self._timed(reading, topic), self._received.get(tag_id)
-            if last is None or self._is_newer(new, last):
-                self._received[tag_id] = new
-                self._cells = None
+            self._received[tag_id] = reading, time.monotonic()
+            self._cells = None
         elif tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
             self._unknown_ids.add(tag_id)
             shown = escaped(tag_id, 64)
             self.get_logger().warning(f"tag '{shown}' is not in the layout: its readings are not shown")
-
-    def _timed(self, reading: TagReading, topic: str) -> ReceivedReading:
-        """Compare the stamp with the nearest clock, which can be the system clock even with use_sim_time."""
-        here, stamp = self.get_clock(), _seconds(reading)
-        lag_here, lag = _now(here) - stamp, time.time() - stamp
-        simulated = None
-        if isinstance(here, ROSClock) and here.ros_time_is_active and abs(lag_here) <= abs(lag):
-            lag, simulated = lag_here, _now(here)
-        if lag_here < -MOST_APART_SECONDS:
-            self._warn(reading)
-        return ReceivedReading(reading, topic, lag, time.monotonic(), simulated)
-
-    def _is_newer(self, new: ReceivedReading, last: ReceivedReading) -> bool:
-        """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
-        disagrees = max(abs(new.lag), abs(last.lag)) > MOST_APART_SECONDS
-        is_after = new.topic == last.topic or new.steady - last.steady > MOST_APART_SECONDS
-        is_newer = (disagrees and is_after) or self._age_of(new) <= self._age_of(last)
-        if is_newer and _seconds(last.reading) - _seconds(new.reading) > MOST_APART_SECONDS:
-            self._warn(new.reading)
-        return is_newer
-
-    def _age_of(self, received: ReceivedReading) -> float:
-        """Return the current age in seconds. The monotonic clock replaces a simulated one that went back."""
-        passed = -1.0 if received.simulated is None else _now(self.get_clock()) - received.simulated
-        return max(received.lag, 0.0) + (passed if passed >= 0.0 else time.monotonic() - received.steady)
-
-    def _warn(self, reading: TagReading) -> None:
-        if not self._has_warned:
-            self._has_warned = True
-            self.get_logger().warning(
-                f"the stamps of readings, such as one of tag '{escaped(reading.tag_id, 64)}', disagree with"
-                f' the clock or with their order by more than {MOST_APART_SECONDS:.0f} s: the reading that'
-                ' arrived last is shown, with its age by the clock of its stamp or since its arrival'
-            )
 
     def _publish(self) -> None:
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
@@ -187,11 +137,10 @@ class ShowReadingsNode(Node):
         size = {'resolution': float(grid.resolution_m), 'width': grid.columns, 'height': grid.rows}
         info = MapMetaData(map_load_time=header.stamp, origin=origin, **size)
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
-        readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._received.items()}
+        now = time.monotonic()
+        aged = {tag_id: (reading, now - since) for tag_id, (reading, since) in self._received.items()}
         stale_seconds, caption = self._settings.stale_seconds, self._caption(samples)
-        self._markers.publish(
-            self._scene.markers(header, readings, stale_seconds, caption, self._field_marker)
-        )
+        self._markers.publish(self._scene.markers(header, aged, stale_seconds, caption, self._field_marker))
 
     def _update_field(self, samples: dict[str, tuple[float, float, float]]) -> None:
         shown = [*self._extremes, *(value for *_, value in samples.values())]
@@ -206,8 +155,8 @@ class ShowReadingsNode(Node):
         """Return x and y in the layout and the value of each reading of the sensor, by tag id."""
         return {
             tag_id: (*self._tags[tag_id][:2], each.value)
-            for tag_id, received in self._received.items()
-            for each in received.reading.readings
+            for tag_id, (reading, _) in self._received.items()
+            for each in reading.readings
             if each.name == self._range.sensor and math.isfinite(each.value)
         }
 
@@ -219,14 +168,6 @@ class ShowReadingsNode(Node):
         lines += [text for text, _ in extremes_of(sensor, values)]
         lines.append(f'field: interpolated from {pluralized(len(samples), "received reading")},')
         return '\n'.join([*lines, 'not from the model of the simulator'])
-
-
-def _seconds(reading: TagReading) -> float:
-    return float(reading.stamp.sec + reading.stamp.nanosec / 1e9)
-
-
-def _now(clock: Clock) -> float:
-    return clock.now().nanoseconds / 1e9
 
 
 def _colour_range_of(settings: Settings) -> tuple[float, float]:

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""What a file of readings tells, in words: the head of every page and picture. Does not import ROS."""
+"""What a file of readings tells, in words: the head of the page. Does not import ROS."""
 
 import re
 from collections import Counter
@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation
 from lupin_greenhouse_bridge.errors import escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -17,11 +16,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
 
 LONGEST_REASON = 300  # characters
-MOST_UNUSED = 3  # numbers without a tag that a text names
 MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
-LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
-MOST_AT_ONCE_NS = 2 * 10**9  # between two that tell its step
-SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
 
 
 class Failures(NamedTuple):
@@ -43,7 +38,7 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
     return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
 
 
-def goals_of(visits: Iterable[Observation], walls: Walls) -> dict[str, Point]:
+def goals_of(visits: Iterable[Observation], walls: Walls) -> dict[str, tuple[float, float]]:
     """Return the goal that the last visit of each tag did not reach, if it is within the walls."""
     last = {each.tag_id: None if each.outcome == 'OK' else each.goal for each in visits}
     return {tag_id: goal for tag_id, goal in last.items() if goal and walls.has_inside(*goal)}
@@ -55,16 +50,6 @@ def is_complete(sensors_of: Mapping[str, Iterable[str]], sensors: Iterable[str],
         tag_id in layout.tags and {*sensors}.difference(found).isdisjoint(layout.tags[tag_id].sensors)
         for tag_id, found in sensors_of.items()
     )
-
-
-def unused_numbers(layout: Layout) -> str:
-    """Return which numbers up to the largest one are no id; '' if they are many, or an id is no number."""
-    numbers = {int(tag_id) for tag_id in layout.tags if tag_id.isdecimal() and len(tag_id) < 10}
-    if not len(layout.tags) == len(numbers) >= max(numbers, default=0) - MOST_UNUSED:
-        return ''
-    unused = [str(each) for each in range(1, max(numbers)) if each not in numbers] if numbers else []
-    verb = 'is' if len(unused) == 1 else 'are'
-    return f'There {verb} no {names_text("tag", unused, len(unused))}.' if unused else ''
 
 
 def failure_counts(failures: Iterable[Failures]) -> dict[str, int]:
@@ -112,40 +97,6 @@ def duration_text(first_ns: int, last_ns: int) -> str:
     if seconds < 120:
         return f'{seconds} s'
     return f'{seconds / 60:.0f} min' if seconds < 7200 else f'{seconds / 3600:.1f} h'
-
-
-def speed_text(rows: list[Row]) -> str:
-    """
-    Return how much faster the clock of the greenhouse ran than ours; '' if it did not.
-
-    The clock can have passed more than a day between two rows, so this is the least speed that fits.
-    """
-    seconds = np.array([row.stamp_ns // 10**9 for row in rows])
-    if len(rows) < 2 or not 0 <= np.diff(seconds).min() <= np.diff(seconds).max() <= LONGEST_GAP_SECONDS:
-        return ''
-    passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
-    speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
-    times = f'{float(f"{speed:.2g}"):,.0f}'
-    return f'at about {times}\u00d7 real time' if speed > 1.5 else ''
-
-
-def clock_text(rows: list[Row]) -> str:
-    """Return by how much the clock of the greenhouse moves at a time, if that is a minute or more."""
-    times = np.array([row.sim_time_of_day_seconds for row in rows])
-    steps = np.diff(np.unique(times))
-    if len(steps) < 3 or (step := float(steps.min())) < 60.0 or (steps % step).any():
-        return ''
-    # All times can be multiples of a step by chance, but not two readings that follow each other at once.
-    is_at_once = np.abs(np.diff([row.stamp_ns for row in rows])) < MOST_AT_ONCE_NS
-    is_seen = (is_at_once & (np.abs(np.diff(times)) == step)).any()
-    return f'The clock of the greenhouse moves {step / 60:g} min at a time.' if is_seen else ''
-
-
-def times_text(rows: list[Row]) -> str:
-    """Return from when to when rows were read in the greenhouse; '' if at one time."""
-    ordered = sorted(rows, key=lambda row: row.stamp_ns)
-    start, end = (clock_time(row.sim_time_of_day_seconds) for row in (ordered[0], ordered[-1]))
-    return f'greenhouse time {start} to {end}' if start != end else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:

@@ -12,8 +12,10 @@ from statistics import median
 
 import pytest
 from conftest import START_S, visit, write_report
-from lupin_greenhouse_bridge.display import placing, readings_page
-from lupin_greenhouse_bridge.display.drawing_command import MOST_SENSORS, Recording
+from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.display.colours import colour_limits
+from lupin_greenhouse_bridge.display.reading_file import Recording
+from lupin_greenhouse_bridge.display.summary import greenhouse_times
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -52,8 +54,7 @@ def data_in(page):
 
 def shown(path, *options):
     assert readings_page.main([str(path), *options]) == 0
-    (data,) = data_in(path.with_suffix('.html'))['files']
-    return data
+    return data_in(path.with_suffix('.html'))
 
 
 def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, shipped_tags):
@@ -85,7 +86,6 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     (tag,) = (each for each in data['tags'] if each['id'] == '1')
     assert (tag['values'], tag['stamp_ms']) == ([None, 700.0], (START_S + 5) * 1000)
     assert len(data['tags']) == len(shipped_tags)
-    assert data['unused_numbers'] == ('There is no tag 8.' if '30' in shipped_tags else '')
     assert not data['is_complete']  # tag 1 also has a temperature
 
 
@@ -150,7 +150,7 @@ def test_a_day_of_readings_shows_each_tag_in_each_half_hour():
             value = round(chance.uniform(300.0, 900.0), 2)
             rows.append(Row(ns, '', tag_id, sensor, value, '', *layout.tags[tag_id][:2], sim_time, 'test'))
             values[sensor, tag_id, sim_time].append(value)
-    recording = Recording(Path('day'), 'day', rows, [], layout, find_walls(layout), [], {})
+    recording = Recording(Path('day'), rows, [], layout, find_walls(layout), [], '')
     limits = dict.fromkeys(sorted({sensor for _, sensor in series}), (0.0, 1000.0))
     data = readings_page.data_of(recording, limits)
     shown = {}
@@ -167,7 +167,7 @@ def test_a_day_of_readings_shows_each_tag_in_each_half_hour():
         (name_of(sensor), *key): pytest.approx([median(found), min(found), max(found)], rel=1e-3)
         for (sensor, *key), found in values.items()
     }
-    assert len(readings_page.fill([recording], limits)) < 5e6
+    assert len(readings_page.fill(recording, limits)) < 5e6
 
 
 def test_only_the_script_of_the_page_itself_may_run(report):
@@ -209,14 +209,8 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
     (tmp_path / 'report-route.csv').write_text('x,y\n0.5,0\n0.5,3\n0.5,3\n0.5,0\n', encoding='utf-8')
     data = shown(report(visit('7', co2=600.0)))
     assert data['stops'] == [[0.5, 3]]
-    # Out and back on one line: each way is on its right, and the two arrows do not cover each other.
-    assert {(0.5, 1.5, 0.5, 0), (0.5, 1.5, -0.5, 0)} <= set(map(tuple, data['route']))
-    (_, y_out, *out), (_, y_back, *back) = data['arrows']
-    assert (out, back) == ([1.571, 0.5, 0], [-1.571, -0.5, 0])
-    assert abs(y_out - y_back) > placing.ARROW_M
+    assert data['arrows'] == [[0.5, 1.5, 1.571], [0.5, 1.5, -1.571]]
     assert [(tag['id'], tag['x'], tag['y']) for tag in data['tags']] == [('7', 0.5, 1.5)]
-    hours = [(n % 4000 / 1000, n // 4000) for n in range(40_000)]  # recorded ten times a second
-    assert len(placing.lanes_of(hours)) <= 2 * placing.MOST_STEPS + 2
     assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
 
 
@@ -246,94 +240,28 @@ def test_positions_of_another_greenhouse_are_refused(write_layout, recording, ca
     assert readings_page.main([str(path), '--tag-file', tag_file]) == 2
     assert capsys.readouterr().err == (
         f"readings_page: '{path}': tag 'a1' is at (1, 2) in it, and at (1, 2.5) in {tag_file}: name the"
-        ' tag_file of its bridge with --tag-file, and compare only files of one greenhouse\n'
+        ' tag_file of its bridge with --tag-file\n'
     )
-    assert readings_page.main([str(path), str(path)]) == 2
-    assert capsys.readouterr().err == f"readings_page: '{path}' is named twice: name each file once\n"
     assert readings_page.main([str(path), '--tag-file', write_layout({'a1': (1.0, 2.001)})]) == 0
-
-
-def test_several_files_are_compared_by_tag_and_sensor(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    one = {'1': {'co2': 600.0}, '5': {'co2': 500.0, 'temperature': 20.0}, '9': {'co2': 700.0}}
-    two = {'1': {'co2': 610.0}, '5': {'co2': 800.0, 'temperature': 20.5}}
-    three = {'1': {'co2': 602.0}, '5': {'co2': 510.0}}
-    paths = [tmp_path / f'team{number}/mission.jsonl' for number in (1, 2, 3)]  # of the same name
-    for path, values in zip(paths, (one, two, three), strict=True):
-        path.parent.mkdir()
-        write_report(path, *(visit(tag_id, **by_sensor) for tag_id, by_sensor in values.items()))
-    assert readings_page.main([str(each) for each in paths]) == 0
-    data = data_in(tmp_path / 'comparison.html')
-    assert [each['title'] for each in data['files']] == [f'team{n}/mission.jsonl' for n in (1, 2, 3)]
-    keys = ('tag', 'sensor', 'farthest', 'difference')
-    found = [(*map(each.get, keys), [text for text, _ in each['cells']]) for each in data['differences']]
-    assert found == [
-        ('5', 'temperature (°C)', None, '0.5', ['20.0', '20.5', 'none']),
-        ('5', 'CO₂ (ppm)', 1, '300', ['500', '800', '510']),  # 290 from the median, 510; 500 is 10 from it
-        ('1', 'CO₂ (ppm)', 1, '10', ['600', '610', '602']),
-    ]
-    assert {time for each in data['differences'] for _, time in each['cells']} == {'12:00', ''}
-    limits = [each['limits'] for file in data['files'] for each in file['sensors'] if each['name'] == 'CO₂']
-    assert limits == [limits[0]] * 3
-    low, high = limits[0]
-    assert low <= 500.0
-    assert high >= 800.0
-
-
-def test_more_sensors_than_a_person_can_look_at_are_refused_with_the_choice(report, capsys):
-    values = {f's{number}': float(number) for number in range(MOST_SENSORS + 1)}
-    path = report(visit('1', **values), visit('5', co2=1.0))
-    assert readings_page.main([str(path)]) == 2
-    error = f'{MOST_SENSORS + 2} sensors are too many to look at: choose up to {MOST_SENSORS} with --sensor'
-    assert capsys.readouterr().err.startswith(f'readings_page: {error}, from co2, s0, s1, ')
-    data = shown(path, '--sensor', 's3', '--sensor', 's1')
-    assert [each['name'] for each in data['sensors']] == ['s1', 's3']
-    assert data['counts'][0][0].startswith('2 of ')  # a tag without the chosen sensors was read, too
-    assert readings_page.main([str(path), '--sensor', 'x']) == 2
-    error = capsys.readouterr().err
-    assert "--sensor 'x': no FILE has it: choose from co2, s0" in error
-    assert 'repeat' not in error
-    assert readings_page.main([str(path), '--sensor', 'co2,s1']) == 2
-    assert capsys.readouterr().err.endswith(', and repeat --sensor for each\n')
-
-
-@pytest.mark.parametrize(
-    ('value', 'place_m', 'fault'),
-    [
-        (1e300, (1.0, 2.0), 'has value 1e+300, x_m 1.0 and y_m 2.0'),
-        (7.0, (1e300, 2.0), 'has value 7, x_m 1e+300 and y_m 2.0'),
-        (7.0, (1.0, -2e12), 'has value 7, x_m 1.0 and y_m -2000000000000.0'),
-    ],
-)
-def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(recording, capsys, value, place_m, fault):
-    path = recording('day.csv', [7.0, value], place_m=place_m)
-    assert readings_page.main([str(path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"'{path}': the row of ph of tag 'a1' at 2026-11-20T15:53:2" in line
-    assert line.endswith(f'{fault}: values must be within 1e+20, and positions within 1e+12 m, of 0')
 
 
 @pytest.mark.parametrize(
     ('words', 'fault'),
     [
-        ('FILE --walls 0 0 1e300 8', 'the walls are x 0 to 1e+300 m'),
         ('FILE --route ROUTE', "--route 'ROUTE': is not a CSV file of x,y in metres: name another"),
         ('FILE --route tags.json', "--route 'tags.json': is not a CSV file of x,y in metres: name another"),
-        ('FILE --route none.csv', "--route 'none.csv': cannot be read (No such"),
-        ('FILE FILE --route ROUTE', "--route 'ROUTE' is for one FILE: name one FILE only"),
+        ('FILE --route none.csv', "--route 'none.csv': No such file or directory"),
         ('FILE -o .', "--output '.' is a folder: name a file in it"),
         ('FILE -o page.png', "--output 'page.png' is a page: its name must end in .html"),
         ('none.jsonl -o /missing/a.html', "there is no folder '/missing': name a folder"),
-        ('FILE tag_file:=my.json', "'tag_file:=my.json' is no file of readings: write options such as"),
         ('FILE -o other.html', "'other.html' exists and is not from this program: name another"),
         ('FILE -o FILE', "--output 'FILE' is the file of FILE itself: name another file"),
         ('FILE -o tags.json --tag-file tags.json', 'is the file of --tag-file itself: name'),
         ('FILE --tag-file FILE', 'is not JSON'),
         ('FILE --sim-config-file tags.json', 'time is missing'),
-        ('FILE tags.json', ': name a tag file with --tag-file'),
+        ('tags.json', ': name a tag file with --tag-file'),
         ('REPORT --tag-file tags.json', "2 of the file's 2 tags are not in it, such as '1': name the"),
         ('config.yml', "'config.yml': No such file or directory: name a file of record_readings"),
-        ('/', "'/': not a regular file"),
     ],
 )
 def test_what_cannot_be_shown_is_said_in_one_line(
@@ -344,8 +272,48 @@ def test_what_cannot_be_shown_is_said_in_one_line(
     report(visit('1', co2=1.0), visit('9', 'TIMEOUT')).rename('REPORT')
     write_layout({'x': (1.0, 2.0)})
     (tmp_path / 'other.html').write_text('<!doctype html>', encoding='utf-8')
-    (tmp_path / 'ROUTE').write_text('x,y\n0,1\n1e300,-1e300\n', encoding='utf-8')
+    (tmp_path / 'ROUTE').write_text('x,y\n0,1\nnan,1\n', encoding='utf-8')
     assert readings_page.main(words.split()) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('readings_page: ')
     assert fault in line
+
+
+def rows_at(times_of_day):
+    """Return a row for each second of the wall clock and time of day in the greenhouse."""
+    return [Row(s * 10**9, '', '1', 'co2', 1.0, '', None, None, time, '') for s, time in times_of_day]
+
+
+def test_times_of_several_days_say_so():
+    times = [(1, 64_800.0), (2, 3600.0), (3, 50_000.0), (4, 1800.0), (5, 79_200.0)]
+    assert greenhouse_times(rows_at(times[:2])) == 'greenhouse 18:00 to 01:00'
+    assert greenhouse_times(rows_at(times)) == 'greenhouse 18:00 to 22:00 over at least 3 days'
+
+
+@pytest.mark.parametrize(
+    ('values', 'limits', 'expected'),
+    [
+        ([5.7, 19.1], (0.0, 30.0), (5.0, 20.0)),
+        ([24.0], (0.0, 30.0), (23.6, 24.4)),
+        ([0.44, 0.56], (0.2, 0.8), (0.4, 0.6)),
+        ([-5.0, 12.0], (0.0, 30.0), (0.0, 15.0)),
+        ([31.0, 45.0], (0.0, 30.0), (29.6, 30.0)),
+        ([], (0.0, 30.0), (0.0, 30.0)),
+        ([3.0, 3.001], None, (2.94, 3.06)),
+        ([1e16], None, (1e16 - 6e9, 1e16 + 6e9)),
+    ],
+)
+def test_the_colours_end_at_round_numbers_around_the_values_and_within_the_config(values, limits, expected):
+    assert colour_limits(values, limits) == expected
+
+
+def test_one_sensor_is_shown_if_it_is_wanted(report, capsys):
+    path = report(visit('1', co2=600.0, temperature=20.0), visit('5', humidity=50.0))
+    data = shown(path, '--sensor', 'humidity', '--sensor', 'co2')
+    assert [each['name'] for each in data['sensors']] == ['humidity', 'CO₂']
+    assert data['counts'][0][0].startswith('2 of ')
+    assert readings_page.main([str(path), '--sensor', 'x']) == 2
+    assert (
+        "--sensor 'x': FILE does not have it: choose from temperature, humidity, co2"
+        in capsys.readouterr().err
+    )

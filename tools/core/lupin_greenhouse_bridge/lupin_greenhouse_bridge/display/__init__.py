@@ -1,1 +1,1 @@
-"""Show readings: show_readings, readings_page, plot_report. Never asks the bridge."""
+"""Show readings: show_readings, readings_page. Never asks the bridge."""

@@ -1,4 +1,4 @@
-"""The colours of every picture, page and marker, and the values that they stand for. Does not import ROS."""
+"""The colours of the page and of the markers, and the values that they stand for. Does not import ROS."""
 
 import math
 from collections.abc import Sequence
@@ -7,16 +7,10 @@ import numpy as np
 
 from lupin_greenhouse_bridge.simulator.config import find_config
 
-COLOUR_MAP = 'viridis'  # readable in black and white, and for colour-blind people
-STOPS = (  # of this map
+STOPS = (  # of the map viridis, which is readable in black and white, and for colour-blind people
     *('#440154', '#482475', '#414487', '#355f8d', '#2a788e', '#21918c', '#22a884', '#44bf70', '#7ad151'),
     *('#bddf26', '#fde725'),
 )
-ROUTE, FAILED = '#3d6fa8', '#b3261e'
-TAG_ID = '0.35'
-OBSTACLE, UNKNOWN_PART = '#e69f00', '0.7'  # in the map of the room
-TABLE = '#e3e6ea'  # without an edge, which would cross the labels
-ROUTE_TABLE = '#d3d9e1'  # where it is an obstacle that a route goes around
 SMALLEST_SPAN = 0.1  # of colours without a range in the config
 
 

@@ -1,6 +1,7 @@
 """Markers of the greenhouse and its last readings, and the field that is interpolated from these."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,6 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.display.colours import colours_of
-from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform
@@ -31,6 +31,15 @@ Colour = tuple[float, ...]  # red, green, blue and, if it is not opaque, alpha, 
 # As on the page of readings in its dark scheme; a read tag without the shown sensor is white.
 TABLE, GREY, WHITE, BLACK = (0.26, 0.3, 0.34), (0.45, 0.5, 0.55), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 BRIGHTEST, LUMA = 0.45, (0.299, 0.587, 0.114)  # on which a text is white
+
+
+class Box(NamedTuple):
+    """A rectangle in metres: its centre and its size."""
+
+    x: float
+    y: float
+    width: float
+    height: float
 
 
 class Scale(NamedTuple):
@@ -123,7 +132,7 @@ class Scene:
             widest = max(len(_value_line(sensor, 999.9)) for sensor in tag.sensors)
             sizes.append((widest * LETTER_WIDTH_M, (len(tag.sensors) + 1) * LINE_M))
         dots = list(self._dots.values())
-        places = place_labels(dots, [(dot, *size) for dot, size in zip(dots, sizes, strict=True)])
+        places = place_labels(dots, sizes)
         self._label_places = dict(zip(self._dots, places, strict=True))
         middle_x = sum(x for x, _ in places) / len(places)
         corners = [layout_in_map.point(x, y) for x in walls[::2] for y in walls[1::2]]
@@ -174,6 +183,27 @@ class Scene:
         for each in markers:
             each.header = header
         return MarkerArray(markers=markers)
+
+
+def place_labels(dots: Sequence[Box], sizes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the centre of the label of each dot: the first place beside it with the least on it."""
+    taken, places = np.array(dots), []
+    for dot, (width, height) in zip(dots, sizes, strict=True):
+        aside, above = (dot.width + width) / 2, (dot.height + height) / 2
+        near = [(aside, 0.0), (-aside, 0.0), (0.0, above), (0.0, -above)]
+        near += [(x * aside, y * above) for y in (0.7, -0.7, 1.0, -1.0) for x in (1, -1)]
+        centres = [(dot.x + far * x, dot.y + far * y) for far in (1, 2) for x, y in near]
+        covered = [_covered_m2(Box(*centre, width, height), taken) for centre in centres]
+        places.append(centres[int(np.argmin(np.round(covered, 4)))])
+        taken = np.vstack([taken, (*places[-1], width, height)])
+    return places
+
+
+def _covered_m2(box: Box, others: np.ndarray) -> float:
+    """Return the area that a box has in common with these others."""
+    low = np.maximum(np.subtract(box[:2], np.divide(box[2:], 2)), others[:, :2] - others[:, 2:] / 2)
+    high = np.minimum(np.add(box[:2], np.divide(box[2:], 2)), others[:, :2] + others[:, 2:] / 2)
+    return float(np.maximum(high - low, 0.0).prod(axis=1).sum())
 
 
 def age_text(seconds: float) -> str:

@@ -10,118 +10,156 @@ import hashlib
 import html
 import itertools
 import json
-import statistics
+import math
+import sys
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
 
-from lupin_greenhouse_bridge.display import drawing_command as command
-from lupin_greenhouse_bridge.display import placing, summary
-from lupin_greenhouse_bridge.display.colours import STOPS, hex_colours_of
-from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits, Recording
-from lupin_greenhouse_bridge.errors import UsageError, escaped
-from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
+from lupin_greenhouse_bridge.display import summary
+from lupin_greenhouse_bridge.display.colours import STOPS, colour_limits, hex_colours_of, read_colour_ranges
+from lupin_greenhouse_bridge.display.reading_file import Point, Recording, read_recording
+from lupin_greenhouse_bridge.errors import (
+    OneLineError,
+    StartUpError,
+    UsageError,
+    escaped,
+    pluralized,
+    reason_of,
+)
+from lupin_greenhouse_bridge.planning.walls import add_wall_options, warning_of_outside
+from lupin_greenhouse_bridge.recording.rows import Row, key_of, last_reading_of_each_tag
+from lupin_greenhouse_bridge.runtime.arguments import Parser
+from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
+from lupin_greenhouse_bridge.units import (
+    clock_time,
+    decimals_of,
+    label_of,
+    name_of,
+    sensor_order,
+    unit_of,
+    value_text,
+)
 
+DONE, NO_ROWS, USAGE = 0, 1, 2
+LONGEST_NAME = 64  # characters
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
 UNREAD = 'not visited', 'not in the file'  # of tags without a row in the table
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
 MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
 DAY_SECONDS = 86_400
-ARROWS_ACROSS = 40  # of a route, which are as long as the greenhouse
+ARROW_EVERY_M, SHORTEST_LEG_M = 5.0, 0.25  # of a route: a leg that is shorter has no arrow
 NS_PER_MS = 1_000_000
 TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
 TEMPLATE = Path(__file__).with_suffix('.html')
 SCRIPT = Path(__file__).with_suffix('.js')
+MARK = b'<meta name="generator" content="readings_page">'  # in the head of each page
+Limits = dict[str, tuple[float, float]]  # the values at the ends of the colours, by sensor
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
-    parser = command.parser_of(
-        'readings_page',
-        'Make a page of readings.',
-        'page to write; default: NAME.html beside FILE, or comparison.html for several',
+    options = _parser().parse_args(arguments)
+    output = options.output or options.file.parent / f'{options.file.stem}.html'
+    inputs = [('FILE', options.file), ('--tag-file', options.tag_file), ('--route', options.route)]
+    try:
+        check_output_file(output, '--output', [*inputs, ('--sim-config-file', options.sim_config_file)], MARK)
+        if output.suffix.lower() not in ('.html', '.htm'):
+            raise UsageError(f"--output '{output}' is a page: its name must end in .html")
+        recording = read_recording(
+            options.file, options.tag_file, options.sim_config_file, options.walls, options.route
+        )
+        if not (recording.rows or recording.visits):
+            print(f"readings_page: '{options.file}': holds no readings: there is no page", file=sys.stderr)
+            return NO_ROWS
+        page = fill(recording, _limits_of(recording, options.sensor))
+        output.write_text(page, encoding='utf-8')
+    except OneLineError as error:
+        print(f'readings_page: {error}', file=sys.stderr)
+        return USAGE
+    except OSError as error:
+        print(f"readings_page: --output '{output}': {reason_of(error)}: name another file", file=sys.stderr)
+        return USAGE
+    rows = {key_of(row) for row in recording.rows}
+    if hidden := len(rows) - len({each[:3] for each in rows}):
+        values = f'{pluralized(hidden, "value")} with the stamp, tag and sensor of another value'
+        print(f'readings_page: {options.file}: {values}: the last one is shown', file=sys.stderr)
+    if warning := warning_of_outside(recording.layout, recording.walls):
+        print(f'readings_page: {warning}', file=sys.stderr)
+    print_line(f'page: {escaped(str(output), 500)}')
+    return DONE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog='readings_page', description='Make a page of readings.')
+    add = parser.add_argument
+    add(
+        'file',
+        metavar='FILE',
+        type=Path,
+        help="a mission's report NAME.jsonl, or a file NAME.sqlite or NAME.csv of record_readings or"
+        ' read_tag --csv',
     )
-    return command.draw_files(parser, arguments, _page_of)
+    add(
+        '--sensor',
+        metavar='NAME',
+        action='append',
+        default=[],
+        help='show this sensor only; repeat the option for more; default: all',
+    )
+    add(
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file, if you set one; default: NAME-tag_locations.json beside FILE",
+    )
+    add_wall_options(parser)
+    add(
+        '--route',
+        default='',
+        metavar='FILE',
+        help='a CSV file of x and y along the path that a robot drove; default: NAME-route.csv beside FILE',
+    )
+    add('-o', '--output', type=Path, metavar='FILE', help='page to write; default: NAME.html beside FILE')
+    return parser
 
 
-def _page_of(
-    options: argparse.Namespace, recordings: list[Recording], limits: Limits
-) -> list[tuple[Path, bytes]]:
-    if options.output and options.output.suffix.lower() not in ('.html', '.htm'):
-        raise UsageError(f"--output '{options.output}' is a page: its name must end in .html")
-    for each in recordings:
-        if not (each.rows or each.visits):
-            raise command.NothingToDraw(f"'{each.path}': holds no readings: there is no page")
-    first = recordings[0].path
-    output = first.with_suffix('.html') if len(recordings) == 1 else Path('comparison.html')
-    return [(options.output or output, fill(recordings, limits).encode())]
+def _limits_of(recording: Recording, wanted: Sequence[str] = ()) -> Limits:
+    """Return the ends of the colours of these sensors, or of all; raises StartUpError for another one."""
+    values, last_values = defaultdict(list), defaultdict(list)
+    for row in recording.rows:
+        values[row.sensor].append(row.value)
+    for reading in last_reading_of_each_tag(recording.rows).values():
+        for row in reading.values():
+            last_values[row.sensor].append(row.value)
+    if unknown := [each for each in wanted if each not in values]:
+        named = ', '.join(escaped(each, LONGEST_NAME) for each in sorted(values, key=sensor_order))
+        shown = escaped(unknown[0], LONGEST_NAME)
+        raise StartUpError(f"--sensor '{shown}': FILE does not have it: choose from {named or 'none'}")
+    ranges = read_colour_ranges(recording.sim_config_file)
+    # Only the last values have a colour: those of a whole day would leave them alike.
+    return {
+        each: colour_limits(last_values[each] or values[each], ranges.get(each))
+        for each in sorted(values, key=sensor_order)
+        if not wanted or each in wanted
+    }
 
 
-def fill(recordings: list[Recording], limits: Limits) -> str:
+def fill(recording: Recording, limits: Limits) -> str:
     """Return the page. No text in a file can close the element with the data, or run as a script."""
-    script = SCRIPT.read_text(encoding='utf-8')
-    differences = differences_of(recordings, limits) if len(recordings) > 1 else []
-    data = {'files': [data_of(each, limits) for each in recordings], 'differences': differences}
+    script, data = SCRIPT.read_text(encoding='utf-8'), data_of(recording, limits)
     text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
     return Template(TEMPLATE.read_text(encoding='utf-8')).substitute(
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        title=html.escape(', '.join(each.name for each in recordings)),
-        several_times=summary.SEVERAL_TIMES,
+        title=html.escape(data['title']),
         data=text.replace('<', '\\u003c'),
         script=script,
     )
-
-
-def differences_of(recordings: list[Recording], limits: Limits) -> list[dict[str, Any]]:
-    """
-    Return the last value of each tag and sensor in each file: by sensor, the largest difference first.
-
-    `farthest` is the place of the file whose value is farthest from the median of at least three.
-    """
-    tags_by_file = [tags_of(each, list(limits)) for each in recordings]
-    tag_ids = sorted({tag_id for tags in tags_by_file for tag_id in tags}, key=natural_order)
-    differences = []
-    for sensor in limits:
-        of_sensor = []
-        for tag_id in tag_ids:
-            tags = [each.get(tag_id) for each in tags_by_file]
-            values = [tag['values'][sensor] if tag else None for tag in tags]
-            known = [value for value in values if value is not None]
-            if len(known) > 1:
-                of_sensor.append(
-                    {
-                        'tag': escaped(tag_id, LONGEST_NAME),
-                        'sensor': escaped(label_of(sensor), LONGEST_NAME),
-                        'cells': [_cell_of(sensor, tag) for tag in tags],
-                        'farthest': _farthest_of(values),
-                        'spread': max(known) - min(known),
-                        'difference': value_text(sensor, max(known) - min(known)),
-                    }
-                )
-        differences += sorted(of_sensor, key=lambda each: -each['spread'])
-    return differences
-
-
-def _cell_of(sensor: str, tag: dict[str, Any] | None) -> tuple[str, str]:
-    """Return the value of a tag and its time of day in the greenhouse, or why there is none."""
-    if tag is None or tag['values'][sensor] is None:
-        return (tag['outcome'] if tag and tag['outcome'] != 'read' else 'none'), ''
-    return value_text(sensor, tag['values'][sensor]), clock_time(tag['time_of_day'])
-
-
-def _farthest_of(values: list[float | None]) -> int | None:
-    """Return the place of the value that is farthest from the median; None for a tie or fewer than three."""
-    known = [value for value in values if value is not None]
-    middle = statistics.median(known)
-    distances = [0.0 if value is None else abs(value - middle) for value in values]
-    is_clear = len(known) > 2 and distances.count(max(distances)) == 1
-    return distances.index(max(distances)) if is_clear else None
 
 
 def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
@@ -150,7 +188,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
     return {
-        'title': recording.name,
+        'title': escaped(recording.path.name, LONGEST_NAME),
         'colours': STOPS,
         'sensors': [
             {
@@ -169,17 +207,16 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
         'is_of_several_times': len(times_of_day) > 1,
         'is_complete': summary.is_complete(values_of, sensors, layout),
-        'unused_numbers': summary.unused_numbers(layout),
-        'speed': summary.speed_text(rows),
-        'clock': summary.clock_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
-        'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
+        'closest_m': closest_m([tag[:2] for tag in layout.tags.values()]),
         'walls': walls,
         'tables': list(layout.tables.values()),
         'view': [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)],
         'notes': notes,
         'fewest_attempts': min((tag['attempts'] or 0 for tag in read_tags), default=1),
-        **_route_data(route, walls),
+        'route': route,
+        'stops': stops_of(route),
+        'arrows': arrows_of(route),
     }
 
 
@@ -242,20 +279,36 @@ def _failure_data(failure: summary.Failures, tags: dict[str, dict[str, Any]]) ->
     }
 
 
-def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
-    """Return the line, the arrows and the stops of a route in metres: each point with its shift."""
+def stops_of(route: Sequence[Point]) -> list[Point]:
+    """Return where a robot stood on its path: the points that are there twice in a row."""
+    return list(dict.fromkeys(here for here, there in itertools.pairwise(route) if here == there))
+
+
+def arrows_of(route: Sequence[Point]) -> list[tuple[float, float, float]]:
+    """Return x, y and heading of the arrows on a path: at even distances between two stops."""
     if len(route) < 2:
-        return {'route': [], 'arrows': [], 'stops': [], 'route_ends': {}}
-    arrow_m = max(placing.ARROW_M, (walls.y1 - walls.y0) / ARROWS_ACROSS)
-    arrows = placing.arrows_between(route, placing.marks_of(route, arrow_m), arrow_m)
-    lanes = placing.lanes_of(route)
-    nearest = [np.abs(lanes[:, :3] - each).sum(axis=1).argmin() for each in arrows]
-    return {
-        'route': [row[:2] + row[3:] if any(row[3:]) else row[:2] for row in lanes.round(3).tolist()],
-        'arrows': lanes[nearest].round(3).tolist(),
-        'stops': placing.stops_of(route),
-        'route_ends': {word: (box.x, box.y) for word, box in placing.ends_of_path(route).items()},
-    }
+        return []
+    points = np.array(route)
+    pieces = np.diff(points, axis=0)
+    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*pieces.T))])
+    is_stop = np.concatenate([[True], ~pieces.any(axis=1)])
+    is_stop[-1] = True
+    arrows = []
+    for start_m, end_m in itertools.pairwise(along_m[is_stop].tolist()):
+        count = max(round((end_m - start_m) / ARROW_EVERY_M), 1) if end_m - start_m >= SHORTEST_LEG_M else 0
+        for number in range(count):
+            at_m = start_m + (end_m - start_m) * (number + 0.5) / count
+            x, y = (float(np.interp(at_m, along_m, places)) for places in points.T)
+            step = pieces[np.searchsorted(along_m, at_m) - 1]
+            arrows.append((round(x, 3), round(y, 3), round(math.atan2(step[1], step[0]), 3)))
+    return arrows
+
+
+def closest_m(points: Sequence[Point]) -> float:
+    """Return the distance of the two closest points that are not at the same place; 1.0 if there are none."""
+    places = np.unique(np.reshape(points, (-1, 2)), axis=0)
+    apart_m = [float(np.hypot(*(places[n + 1 :] - place).T).min()) for n, place in enumerate(places[:-1])]
+    return min(apart_m, default=1.0)
 
 
 def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
