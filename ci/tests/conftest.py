@@ -1,4 +1,4 @@
-"""The environments of both trees, commands and shells as of a user, and a copy of the checkout."""
+"""A copy of the checkout, and shells that a reader pastes commands into."""
 
 import contextlib
 import os
@@ -7,52 +7,11 @@ from pathlib import Path
 
 import domain_coordinator
 import pytest
+from checkout import of_a_user, run, succeed
 from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
-ROOT = Path(__file__).resolve().parents[2]
 PASTED = '[pasted]'
-ENVIRONMENTS = {
-    'monorepo': Path(os.environ['VIRTUAL_ENV']),
-    'lupin_greenhouse_ros': Path(os.environ.get('MIRROR_VENV') or os.environ['VIRTUAL_ENV']),
-}
-
-NEED_LAUNCH = {'test_bring_up'}  # run where launch is installed
-
-
-def run(
-    *command: object, cwd: Path = ROOT, env: dict | None = None, **options
-) -> subprocess.CompletedProcess:
-    """Run a command; the result has its exit code and its output as text."""
-    words = [str(word) for word in command]
-    return subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False, **options)
-
-
-def start(*command: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen:
-    """Start a command of a user in a session of its own, with pipes for its input and for all its output."""
-    return subprocess.Popen(
-        command, cwd=cwd, env=of_a_user(**variables), text=True, start_new_session=True,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-
-
-def succeed(*command: object, **options) -> str:
-    """Run a command, which must end with exit code 0; return all that it printed."""
-    result = run(*command, **options)
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout + result.stderr
-
-
-def of_a_user(**variables: str) -> dict[str, str]:
-    """Return the variables of a shell that is not started by make, with the environment of the monorepo."""
-    own = {name: value for name, value in os.environ.items() if not name.startswith('MAKE')}
-    return own | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'} | variables
-
-
-def make(*words: object, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
-    """Run make with what is built already."""
-    command = ('make', '-f', ROOT / 'Makefile', '-o', 'bridge', '-o', 'build', *words)
-    return run(*command, cwd=cwd, env=of_a_user(**variables))
 
 
 class Shell:
@@ -60,7 +19,10 @@ class Shell:
 
     def __init__(self, folder: Path):
         """Open it in a folder."""
-        self._bash = start('bash', '-e', cwd=folder, ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        self._bash = subprocess.Popen(
+            ['bash', '-e'], cwd=folder, env=of_a_user(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST'), text=True,
+            start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
         # On a busy machine the bridge may be found late.
         self.paste(f'read_tag() {{ command read_tag --timeout {PATIENCE_SECONDS} "$@"; }}')
 
@@ -95,7 +57,9 @@ def copy(tmp_path):
     names = run('git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard').stdout
     folder = tmp_path / 'copy'
     folder.mkdir()
-    succeed('xargs', '-0', 'cp', '--parents', '-t', folder, input=names)
+    succeed('xargs', '-0', 'cp', '--preserve=timestamps', '--parents', '-t', folder, input=names)
+    # Older than what is built.
+    succeed('find', folder, '-type', 'd', '-exec', 'touch', '--date=@0', '{}', '+')
     return folder
 
 

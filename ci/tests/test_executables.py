@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from conftest import ROOT, run
+from checkout import ROOT, run
 from lupin_greenhouse_bridge.recording.rows import HEADER
 
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')

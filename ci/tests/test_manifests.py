@@ -13,9 +13,9 @@ import generate
 import jsonschema
 import pytest
 from catkin_pkg.package import parse_package
-from conftest import ENVIRONMENTS, ROOT, succeed
+from checkout import ROOT, TREES, succeed
 
-PACKAGE_XMLS = sorted(path for tree in ENVIRONMENTS for path in ROOT.glob(f'{tree}/*/package.xml'))
+PACKAGE_XMLS = sorted(path for tree in TREES for path in ROOT.glob(f'{tree}/*/package.xml'))
 # Names of modules that differ from the key that brings them.
 KEYS = {'PIL': 'python3-pil', 'cv2': 'python3-opencv', 'yaml': 'python3-yaml'}
 OPTIONAL = {'argcomplete'}  # read_tag works without it

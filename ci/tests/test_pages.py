@@ -2,16 +2,14 @@
 
 import json
 import re
-from pathlib import Path
 
-import docs_check
 import pytest
-from conftest import ROOT, of_a_user, succeed
+from checkout import of_a_user, shell_blocks_of, succeed
 from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.units import name_of
 
 pytestmark = pytest.mark.heavy
-PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
+PAGES = 'tools/core/lupin_greenhouse_bridge/doc'
 THREAD = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
 
 
@@ -23,7 +21,7 @@ def without_noise(text: str) -> str:
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
-    for mark, language, block in docs_check.Document(ROOT, PAGES / 'tutorial.md').shell_blocks:
+    for mark, language, block in shell_blocks_of(f'{PAGES}/tutorial.md'):
         assert mark.endswith('::test_the_tutorial')
         if block.startswith('make run'):
             first.close()
@@ -46,7 +44,7 @@ def test_the_tutorial(copy, open_shell):
 def test_the_course(open_shell):
     """Three teams and a lecturer on one machine, in one shell."""
     shell = open_shell()
-    blocks = docs_check.Document(ROOT, PAGES / 'course.md').shell_blocks
+    blocks = shell_blocks_of(f'{PAGES}/course.md')
     assert {mark for mark, *_ in blocks} == {'tested by ci/tests/test_pages.py::test_the_course'}
     start, ask, compare, end = [block for *_, block in blocks]
     shell.run(start)
@@ -60,9 +58,7 @@ def test_the_course(open_shell):
 
 def test_the_thread_of_the_readme(copy):
     """A mission drives to every tag; its report, its record and its page have the same values."""
-    (block,) = [
-        text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks if THREAD in text
-    ]
+    (block,) = [text for _, _, text in shell_blocks_of('README.md') if THREAD in text]
     printed = succeed('bash', '-c', f'set -e\n{block}', cwd=copy, env=of_a_user())
     assert '29/29 tags read' in printed.splitlines()
     (report,) = copy.glob('.mission/*.jsonl')

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import check_drift
 import pytest
-from conftest import edit, git
+from clones import edit, git
 
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
 BRIDGE = 'lupin_greenhouse_bridge'

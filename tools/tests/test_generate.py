@@ -5,7 +5,7 @@ import shutil
 
 import generate
 import pytest
-from conftest import commit, edit, git, snapshot
+from clones import commit, edit, git, snapshot
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 PACKAGE = 'lupin_greenhouse_bridge'

@@ -7,7 +7,7 @@ import check_drift
 import generate
 import mirror_import
 import pytest
-from conftest import commit, edit, git, snapshot
+from clones import commit, edit, git, snapshot
 
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'

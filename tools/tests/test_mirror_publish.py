@@ -1,6 +1,5 @@
 """Publish the mirror to a remote: no rewritten history, all or nothing, and twice is once."""
 
-import os
 import re
 from xml.etree import ElementTree
 
@@ -8,7 +7,7 @@ import generate
 import mirror_publish
 import mirror_publish_check
 import pytest
-from conftest import commit, edit, git
+from clones import commit, edit, git
 from test_mirror_import import BRIDGE
 
 MIRROR = mirror_publish.ROOT / mirror_publish.MIRROR
@@ -222,14 +221,3 @@ def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
         pages = [text.replace('followed by', 'x') if text is page else text for text in PAGES]
         with pytest.raises(generate.RefusedError, match=r'[12] bash blocks are marked'):
             mirror_publish_check.scripts(pages)
-
-
-def test_a_command_that_fails_ends_the_bridge_and_is_shown_with_its_output(tmp_path):
-    script = 'set -m\nsleep 600 & echo child $!\nexit 3'
-    with pytest.raises(generate.RefusedError) as failure:
-        mirror_publish_check.run(script, tmp_path, {'PATH': '/usr/bin:/bin'})
-    (child,) = re.findall(r'^child (\d+)$', str(failure.value), re.MULTILINE)
-    assert f'\nexit code 3 of:\n{script}' in str(failure.value)
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(child), 0)
-    mirror_publish_check.run('true', tmp_path, {'PATH': '/usr/bin:/bin'})  # no child

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
-from conftest import PATIENCE_SECONDS, Perception, image_of, picture_of_tag
+from confirmation_helpers import PATIENCE_SECONDS, Perception, image_of, picture_of_tag
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
-from conftest import compressed, detections, image_of, marker
+from confirmation_helpers import compressed, detections, image_of, marker
 from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment
