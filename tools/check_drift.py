@@ -10,6 +10,7 @@ Exit code: 0 only the allowed divergence, 1 drift, 2 the trees cannot be compare
 """
 
 import argparse
+import ast
 import difflib
 import os
 import re
@@ -23,7 +24,7 @@ BRIDGE = 'lupin_greenhouse_bridge'
 MSGS = {'monorepo': 'lupin_msgs', 'mirror': 'lupin_greenhouse_msgs'}
 INTERFACES = 'msg/SensorReading.msg|msg/TagReading.msg|srv/GetTagReading.srv'
 
-# The one allowed divergence: this function of this file only returns this.
+# The one allowed divergence: this function of this file only returns this, on a line of its own.
 NODE_FILE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
 DIVERGENT_FUNCTION = '_config_path'
 DIVERGENT_VALUE = {'monorepo': 'Path(value) if value else None', 'mirror': 'value or None'}
@@ -43,9 +44,9 @@ COMPARED = {
     'monorepo': rf'{BRIDGE}(/.*)?|lupin_msgs(/msg|/srv|/({INTERFACES}))?|(lupin_msgs/)?{HIDES_FROM_COLCON}',
     'mirror': '.*',
 }
-# Files that tools leave in a checkout. They are compared only if git tracks them.
+# Files that tools leave in a checkout, such as the lock .#a.py. They are compared only if git tracks them.
 LEFT_BY_TOOLS = re.compile(
-    r'(lupin_\w+/)?(build|install|log)/.*|(.*/)?([^/]+\.(pyc|swp)|[^/]*~|\.DS_Store|pixi\.lock)'
+    r'(lupin_\w+/)?(build|install|log)/.*|(.*/)?([^/]+\.(pyc|swp)|[^/]*~|\.#[^/]*|\.DS_Store|pixi\.lock)'
     r'|(.*/)?(\.(git|hypothesis|idea|mypy_cache|pixi|pytest_cache|ruff_cache|venv|vscode)|__pycache__)(/.*)?'
     r'|(.*/)?[^/]+\.egg-info/.*'
 )
@@ -79,10 +80,15 @@ class Tree:
                 raise FileNotFoundError(f'{root}: has no {needed}: is it the {name}?')
         tracked = tracked_files(root)
         self.files: dict[str, Path] = {}
+        self.symlinks: list[Path] = []
         for path in sorted(root.rglob('*')):  # which follows no symlinks
             own_name = path.relative_to(root).as_posix()
             is_wanted = own_name in tracked or not LEFT_BY_TOOLS.fullmatch(own_name)
-            if is_wanted and re.fullmatch(COMPARED[name], own_name) and (path.is_symlink() or path.is_file()):
+            if not is_wanted or not re.fullmatch(COMPARED[name], own_name):
+                continue
+            if path.is_symlink():
+                self.symlinks.append(path)
+            elif path.is_file():
                 self.files[own_name.replace(MSGS[name], MSGS['monorepo'])] = path
 
     def text(self, name: str) -> str:
@@ -92,31 +98,58 @@ class Tree:
     def shared_text(self, name: str) -> str:
         """Return a file without the rename and the divergence: as both trees must have it. Raises OSError."""
         text = self.text(name).replace(MSGS[self.name], MSGS['monorepo'])
-        if name != NODE_FILE:
-            return text
-        line = re.escape(f'    return {DIVERGENT_VALUE[self.name]}')
-        function = rf'^(def {DIVERGENT_FUNCTION}\(.*\n(    """.*"""\n)?){line}(?=\n\n|\n?\Z)'
-        return re.sub(function, rf'\1{UNDONE}', text, flags=re.MULTILINE)
+        number = divergent_line(text) if name == NODE_FILE else 0
+        lines = text.split('\n')
+        if number and lines[number - 1] == f'    return {DIVERGENT_VALUE[self.name]}':
+            lines[number - 1] = UNDONE
+        return '\n'.join(lines)
+
+
+def divergent_line(text: str) -> int:
+    """
+    Return the number of the line where the function returns the divergent value; 0 if it is not plain.
+
+    Plain is one that the module binds once, without a decorator, and that has only a docstring and a return.
+    """
+    try:
+        module = ast.parse(text)
+    except (SyntaxError, ValueError):  # ValueError: null bytes, or not UTF-8
+        return 0
+    match [node for node in ast.walk(module) if DIVERGENT_FUNCTION in names_in(node)]:
+        case [
+            ast.FunctionDef(
+                decorator_list=[],
+                body=[ast.Return() as end] | [ast.Expr(ast.Constant()), ast.Return() as end],
+            ) as function
+        ] if function in module.body:
+            return end.lineno
+    return 0
+
+
+def names_in(node: ast.AST) -> set[str]:
+    """Return the names that a node of the syntax tree may bind: all but those that it only reads."""
+    if isinstance(getattr(node, 'ctx', None), ast.Load):
+        return set()
+    return {value for _, value in ast.iter_fields(node) if isinstance(value, str)}
 
 
 def tracked_files(root: Path) -> set[str]:
-    """Return the files below a folder that git tracks; none without git, or outside a clone."""
+    """Return what git tracks below a folder; nothing without git, or outside a clone. Raises OSError."""
+    command, environment = ['git', 'ls-files', '-z'], {**os.environ, 'LC_ALL': 'C'}
     try:
-        listed = subprocess.run(['git', 'ls-files', '-z'], cwd=root, capture_output=True, check=True).stdout
-    except (OSError, subprocess.CalledProcessError):
+        result = subprocess.run(command, cwd=root, env=environment, capture_output=True, check=False)
+    except FileNotFoundError:
         return set()
-    return set(os.fsdecode(listed).split('\0'))
+    if result.returncode and b'not a git repository' not in result.stderr:
+        raise OSError(f'{root}: {result.stderr.decode(errors="replace").strip()}')
+    return set(os.fsdecode(result.stdout).split('\0'))
 
 
 def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    """Yield every drift between two trees; only the symlinks if there are any. Raises OSError."""
-    paths = [*monorepo.files.values(), *mirror.files.values()]
-    symlinks = [path for path in paths if path.is_symlink()]
-    for path in symlinks:
+    """Yield every drift between two trees. Raises OSError."""
+    for path in [*monorepo.symlinks, *mirror.symlinks]:
         yield Finding('symlink', path, f'is a symlink to {path.readlink()}: put a plain file or folder there')
-    if symlinks:
-        return
-    for path in paths:
+    for path in [*monorepo.files.values(), *mirror.files.values()]:
         is_allowed = path == mirror.root / 'COLCON_IGNORE' and not path.read_bytes()
         if re.fullmatch(HIDES_FROM_COLCON, path.name) and not is_allowed:
             message = 'hides packages from colcon; only an empty COLCON_IGNORE at the root of the mirror may'
@@ -154,8 +187,8 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
     if name == NODE_FILE:
         heading = 'bridge_node.py'
         for tree, text in zip(trees, texts, strict=True):
-            if UNDONE not in text or text.count(f'def {DIVERGENT_FUNCTION}(') > 1:
-                told = f'must have {DIVERGENT_FUNCTION} once: return {DIVERGENT_VALUE[tree.name]}'
+            if UNDONE not in text.split('\n'):
+                told = f'must have {DIVERGENT_FUNCTION} once, and only: return {DIVERGENT_VALUE[tree.name]}'
                 yield Finding('allowed divergence', tree.files[name], told)
     # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
     ours, theirs = ([ascii(line) for line in text.splitlines(keepends=True)] for text in texts)

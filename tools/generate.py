@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from check_drift import pluralized
+from check_drift import LEFT_BY_TOOLS, pluralized
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -49,8 +49,8 @@ class RefusedError(Exception):
 def git(folder: Path, *arguments: str, text: str = '') -> str:
     """Run git with a text on its standard input; return what it prints. Raises RefusedError if it fails."""
     result = subprocess.run(
-        ['git', *arguments], cwd=folder, input=text, capture_output=True, check=False,
-        encoding='utf-8', errors='surrogateescape',
+        ['git', '-c', 'log.showSignature=false', *arguments], cwd=folder, input=text,
+        capture_output=True, check=False, encoding='utf-8', errors='surrogateescape',
     )  # fmt: skip
     if result.returncode:
         told = result.stderr.strip() or result.stdout.strip() or f'exit code {result.returncode}'
@@ -139,9 +139,13 @@ def with_header(path: str, content: bytes) -> bytes:
 
 
 def _listed(root: Path, *folders: str) -> list[str]:
-    """Return the files below folders of the checkout, without those that git ignores."""
-    arguments = ('ls-files', '-z', '--cached', '--others', '--exclude-standard', '--', *folders)
-    return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
+    """Return the files below folders of the checkout, without what git ignores and what tools leave there."""
+    tracked, others = (
+        git(root, 'ls-files', '-z', *options, '--', *folders).split('\0')[:-1]
+        for options in (['--cached'], ['--others', '--exclude-standard'])
+    )
+    found = {*tracked, *(path for path in others if not LEFT_BY_TOOLS.fullmatch(path.partition('/')[2]))}
+    return sorted(path for path in found if os.path.lexists(root / path))
 
 
 def compare(root: Path) -> tuple[Files, dict[str, str]]:
@@ -173,26 +177,18 @@ def _difference(root: Path, path: str, rendered: File) -> str:
     return '\n'.join([f'{path}: differs from what the core generates', *diff])
 
 
-def refuse_to_lose(
-    root: Path, rendered: Files, findings: dict[str, str], options: argparse.Namespace
-) -> None:
-    """Raise RefusedError if write() would remove or overwrite somebody's work, and no option allows it."""
-    unknown = [text for path, text in findings.items() if path not in rendered]
-    if unknown and not options.prune:
-        raise RefusedError(
-            'nothing was written. Move a file of your own into tools/core, or out of the package;'
-            ' remove what a rename left behind with: make generate ARGS=--prune\n' + '\n'.join(unknown)
-        )
+def refuse_to_lose(root: Path, rendered: Files, findings: dict[str, str]) -> None:
+    """Raise RefusedError if write() would remove or overwrite somebody's work."""
     # Git's names of the contents that were committed, or written last: any other one is an edit.
     last_written = _last_written(root)
     known = git(root, 'ls-tree', '-r', 'HEAD') + (last_written.read_text() if last_written.exists() else '')
-    existing = [path for path in findings if path in rendered and (root / path).is_file()]
-    edited = [path for path in existing if _blob((root / path).read_bytes()) not in known]
-    if edited and not options.force:
+    existing = {path for path in findings if (root / path).is_file()}
+    edited = {path for path in existing if _blob((root / path).read_bytes()) not in known}
+    if lost := [path for path in findings if path in edited or path not in rendered]:
         raise RefusedError(
-            'nothing was written. Somebody has edited what is generated. Make this edit in tools/core (of the'
-            ' address, in tools/twins.toml); to drop it: make generate ARGS=--force\n'
-            + '\n'.join(findings[path] for path in edited)
+            'nothing was written. Somebody has edited what is generated, or a file is not from the core. Make'
+            ' this edit in tools/core (of the address, in tools/twins.toml), or move the file; to drop all of'
+            ' it: make generate ARGS=--force\n' + '\n'.join(findings[path] for path in lost)
         )
 
 
@@ -236,14 +232,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = Parser('generate', description=__doc__.splitlines()[1], allow_abbrev=False)
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
-    what.add_argument('--prune', action='store_true', help='also remove what a rename left behind')
-    parser.add_argument('--force', action='store_true', help='overwrite edits of generated files')
+    what.add_argument('--force', action='store_true', help='drop edits, and files that are not from the core')
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
     try:
         rendered, findings = compare(options.root)
         if not options.check:
-            refuse_to_lose(options.root, rendered, findings, options)
+            if not options.force:
+                refuse_to_lose(options.root, rendered, findings)
             write(options.root, rendered, findings)
     except (RefusedError, OSError, KeyError) as error:
         told = f'tools/twins.toml: {error} is missing' if isinstance(error, KeyError) else error

@@ -69,6 +69,17 @@ def added(content=''):
     return replaced('', content)
 
 
+def in_a_text(line):
+    """Put the one line into a text, below the function's head, and let the function return something else."""
+    start = 'def _config_path(value: str) -> Path | str | None:\n'
+
+    def change(path):
+        edit(path, f'    {line}\n', '    return str(value)\n')
+        edit(path, '', f'\n\nTEXT = """\n{start}    {line}\n"""\n')
+
+    return change
+
+
 def linked(target):
     """Put a symlink in place of a file or folder."""
 
@@ -100,6 +111,15 @@ MUTANTS = [
     (DIVERGENCE, 'both', NODE, replaced('def _config_path(', 'def _config_path(value):\n    pass\n\n\ndef _moved(')),
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', f'    {PLAIN}  # text\n')),
     (DIVERGENCE, 'both', NODE, replaced('    """Turn a path', '    value = value.strip()\n    """Turn a path')),
+    (DIVERGENCE, 'both', NODE, replaced('    """Turn a path', '    value = 1\n    """Turn a path')),
+    (DIVERGENCE, 'both', NODE, replaced('def _config_path(', '@str\ndef _config_path(')),
+    (DIVERGENCE, 'both', NODE, added('\n\n_config_path = str\n')),
+    (DIVERGENCE, 'both', NODE, added('\n\nfrom builtins import str as _config_path\n')),
+    (DIVERGENCE, 'both', NODE, added('\n\ndef _config_path (value):\n    return value\n')),
+    (DIVERGENCE, 'both', NODE, added('\n\ndef _con\ufb01g_path(value):\n    return value\n')),
+    (DIVERGENCE, 'both', NODE, added("\n\nsetattr(sys.modules[__name__], '_config_path', str)\n")),
+    (DIVERGENCE, 'monorepo', NODE, in_a_text(WRAP)),
+    (DIVERGENCE, 'mirror', NODE, in_a_text(PLAIN)),
     # messages and services: text and meaning
     (INTERFACE, 'mirror', SENSOR, replaced('float64 value', 'float32 value')),
     (INTERFACE, 'mirror', SRV, replaced('# What is the climate', '# What is the weather')),
@@ -144,7 +164,7 @@ MUTANTS = [
 ]  # fmt: skip
 
 
-# They can be made at once: one for each file, and the symlinks apart, beside which nothing else is compared.
+# They can be made at once: one for each file, and the symlinks, below which is nothing to compare, apart.
 BATCHES, seen = defaultdict(list), Counter()
 for mutant in MUTANTS:
     place = mutant[2].replace('MSGS', 'lupin_msgs')
@@ -162,15 +182,23 @@ def test_each_mutant_is_found_under_its_heading(trees, mutants, capsys):
         assert any((str(trees.path(side, name)), heading) in found for side in TREES), (heading, sides, name)
 
 
+def test_a_symlink_does_not_hide_the_rest(trees, capsys):
+    trees.change('mirror', f'{BRIDGE}/more.md', linked('nowhere'))
+    trees.change('mirror', NODE, replaced('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'))
+    assert trees.check() == 1
+    assert re.findall(r'\[(symlink|bridge_node.py)\]', capsys.readouterr().out) == [LINK, NODE_DIFFERS]
+
+
 # What tools leave in a clone of the mirror, or in a folder of it.
 LEFT_BY_TOOLS = [
-    '.DS_Store', '.hypothesis/x', '.idea/x', '.mypy_cache/x', '.pixi/x', '.pytest_cache/x', '.ruff_cache/x',
+    '.#x.py', '.DS_Store', '.hypothesis/x', '.idea/x', '.mypy_cache/x', '.pixi/x', '.pytest_cache/x', '.ruff_cache/x',
     '.venv/x', '.vscode/x', '__pycache__/x.pyc', 'build/lupin_msgs/x', f'{BRIDGE}.egg-info/x', 'install/x', 'log/x',
     'pixi.lock', 'x.py.swp', 'x.py~', 'x.pyc',
 ]  # fmt: skip
 HARMLESS = [
     *(('mirror', name, added('lupin_msgs')) for name in LEFT_BY_TOOLS),
     *(('monorepo', f'{BRIDGE}/{name}', added('x')) for name in LEFT_BY_TOOLS),
+    ('mirror', f'{BRIDGE}/{BRIDGE}/.#bridge_node.py', linked('somebody@somewhere.1234')),  # an editor's lock
     ('monorepo', 'MSGS/msg/Extra.msg', added('bool extra\n')),  # of the team
     ('both', 'MSGS/package.xml', added('<!-- x -->')),
     ('monorepo', 'lupin_mission/package.xml', added('x')),
@@ -234,6 +262,12 @@ def test_it_runs_alone_on_any_two_checkouts(repository):
     result = subprocess.run(command, cwd=repository, env={}, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, '')
     assert result.stdout.endswith(' compared: only the allowed divergence\n')
+
+
+def test_a_clone_whose_files_git_does_not_list_is_exit_code_2(trees, monkeypatch, capsys):
+    monkeypatch.setenv('GIT_TEST_ASSUME_DIFFERENT_OWNER', 'true')  # as in a container of the CI
+    assert trees.check() == 2
+    assert 'dubious ownership' in capsys.readouterr().err
 
 
 def test_an_unreadable_file_is_exit_code_2(trees, monkeypatch, capsys):
