@@ -117,7 +117,7 @@ test-heavy: $(MONOREPO) $(MIRROR) $(STAND_INS)  ## run what takes minutes, in ot
 	@$(MAKE) test-mirror VENV=$(VENV)-jazzy DISTRO=jazzy WITH=mdp-greenhouse==1.0.7
 	@$(MAKE) test-monorepo VENV=$(VENV)-oldest PYTHON=$(PYTHON3_10) WITH=ci/requirements/ubuntu_22_04.txt
 
-figure: $(MONOREPO)  ## draw the annotated greenhouse of the README: ARGS="--tag-file F --sensor co2 --hour 6"
+figure: $(MONOREPO)  ## draw the annotated greenhouse of the documents: ARGS="--output FOLDER"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 
 clean:  ## remove what was built, but not the environment
@@ -131,10 +131,10 @@ lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive (needs 
 # measure
 
 bench: $(MONOREPO)  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: half a minute)
-	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
+	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short)
 
-soak: $(MONOREPO) $(STAND_INS)  ## check the promises under faults and load (SHORT=1: half a minute)
-	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short) $(ARGS)
+soak: $(MONOREPO)  ## check the promises under faults and load (SHORT=1: half a minute)
+	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short)
 
 # publish
 

@@ -1,11 +1,10 @@
 """Patches of another team's clone of the mirror are imported into the core and both trees."""
 
-import shutil
 import subprocess
+import sys
 
 import check_drift
 import generate
-import mirror_import
 import pytest
 from clones import commit, edit, git, snapshot
 
@@ -15,69 +14,33 @@ NEW_TITLE = ('README.md', '## All pages', '## Every page')
 LOG_MORE = (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
 
 
-def commit_in(mirror, *edits):
+def patch_of(mirror, *edits, message='Mend it', settings=()):
     """Commit edits of files; return the patch."""
     for path, old, new in edits:
         edit(mirror / path, old, new)
-    commit(mirror, 'Mend it')
-    git(mirror, 'format-patch', '--output=../N.patch', '-1')
-    return (mirror / '../N.patch').read_bytes().decode(errors='surrogateescape')
-
-
-def write_patch(monorepo, patch):
-    file = monorepo.parent / 'N.patch'
-    file.write_bytes(patch.encode(errors='surrogateescape'))
-    return file
+    commit(mirror, message)
+    git(mirror, *settings, 'format-patch', '--output=../N.patch', '-1')
+    return (mirror.parent / 'N.patch').read_bytes().decode(errors='surrogateescape')
 
 
 def import_patch(monorepo, patch):
     """Run the command; return how it has ended."""
-    file = write_patch(monorepo, patch)
-    # A shell in the background ignores Ctrl-C; so would this.
-    command = ['env', '--default-signal=INT', 'python', '-B', 'tools/mirror_import.py', file]
-    return subprocess.run(
-        command, cwd=monorepo, capture_output=True, text=True, check=False, start_new_session=True
-    )
+    file = monorepo.parent / 'N.patch'
+    file.write_bytes(patch.encode(errors='surrogateescape'))
+    command = [sys.executable, '-B', 'tools/mirror_import.py', file]
+    return subprocess.run(command, cwd=monorepo, capture_output=True, text=True, check=False)
 
 
 def refused(result):
-    """Return the reason of a refusal, which is one line."""
+    """Return the reason of a refusal."""
     prefix = 'mirror-import: nothing was changed: '
-    (line,) = result.stderr.splitlines()
-    assert (result.returncode, line[: len(prefix)]) == (1, prefix)
-    return line.removeprefix(prefix)
-
-
-@pytest.fixture
-def refusal(repositories):
-    """Return a function that returns why a patch is refused, in this process: that is faster."""
-    monorepo, _ = repositories
-    start = git(monorepo, 'rev-parse', 'HEAD').strip()
-
-    def told(patch):
-        file = write_patch(monorepo, patch)
-        with pytest.raises(generate.RefusedError, match=r"^'Mend it': ") as refused:
-            mirror_import.import_patch(monorepo, file, generate.load_table(monorepo))
-        shutil.rmtree(monorepo / '.git/rebase-apply', ignore_errors=True)
-        git(monorepo, 'reset', '--quiet', '--hard', start)
-        git(monorepo, 'clean', '--quiet', '-ffd')
-        return str(refused.value)
-
-    return told
-
-
-def add_hook(monorepo, name, script):
-    hook = monorepo / '.git/hooks' / name
-    hook.write_text(f'#!/bin/sh\n{script}\n')
-    hook.chmod(0o755)
+    assert (result.returncode, result.stderr[: len(prefix)]) == (1, prefix), result.stderr
+    return result.stderr.removeprefix(prefix)
 
 
 def state(monorepo):
     """Return all of a repository that an import may change, with the files that git ignores."""
-    commands = (
-        ['symbolic-ref', 'HEAD'], ['for-each-ref'], ['ls-files', '--stage'], ['status', '--porcelain'],
-        ['worktree', 'list'],
-    )  # fmt: skip
+    commands = (['symbolic-ref', 'HEAD'], ['for-each-ref'], ['status', '--porcelain'], ['worktree', 'list'])
     return snapshot(monorepo), [git(monorepo, *command) for command in commands]
 
 
@@ -88,10 +51,7 @@ def checks_pass(monorepo):
 
 def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositories):
     monorepo, mirror = repositories
-    add_hook(monorepo, 'pre-commit', 'python tools/generate.py --check | grep "are what the core"')
     more = f'{PACKAGE}/test/new/folder/test_more.py'
-    edit(monorepo / '.gitignore', '', 'test_more.py\n')  # which the mirror does not ignore
-    commit(monorepo)
     edits = [
         NEW_TITLE,
         LOG_MORE,
@@ -108,10 +68,9 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     (mirror / f'{PACKAGE}/setup.cfg').rename(mirror / f'{BRIDGE}/moved.cfg')
     (mirror / f'{PACKAGE}/test/test_package.py').unlink()
     (mirror / f'{BRIDGE}/units.py').chmod(0o755)
-    texts = (b'a\r\nb\r\n', b'a\rb\nc\r', b'\xfcber\n', 'a\u2028b\x0cc\x85d\n'.encode(), b'\0\xff\r\n', b'')
-    for number, content in enumerate(texts):
+    for number, content in enumerate((b'\xfcber\n', 'a\u2028b\x0cc\x85d\n'.encode(), b'\0\xff\r\n', b'')):
         (mirror / f'{BRIDGE}/Überblick "{number}".txt').write_bytes(content)  # git quotes this name
-    result = import_patch(monorepo, commit_in(mirror, *edits))
+    result = import_patch(monorepo, patch_of(mirror, *edits, settings=['-c', 'core.quotePath=true']))
     assert result.returncode == 0, result.stdout + result.stderr
     assert 'Another Team: Mend it' in result.stdout
     assert git(monorepo, 'status', '--porcelain') == ''
@@ -121,117 +80,76 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     assert checks_pass(monorepo)
 
 
-ON_PURPOSE = (
-    "must have 'return value or None' once, and has it 0 times:"
-    ' here the trees differ on purpose, as tools/twins.toml says'
-)
-
-
-def test_what_the_mirror_must_keep_cannot_be_changed(repositories, refusal):
-    mirror, node, units = repositories[1], f'{BRIDGE}/bridge_node.py', f'{BRIDGE}/units.py'
-    renamed = 'names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs'
-    (mirror / 'LICENSE').unlink()
-    for edits, reason in (
-        ([], 'LICENSE: is missing; the mirror keeps it by hand: put it back'),
-        ([(node, '    return value or None\n', '    return value\n')], f'{node}: {ON_PURPOSE}'),
-        ([(units, '', '# lupin_msgs')], f'{units}: {renamed}'),
-    ):
-        assert refusal(commit_in(mirror, *edits)).endswith(reason)
-
-
-def mail(diff):
-    """Return a patch as git format-patch prints it."""
-    head = f'From {"0" * 40} Mon Sep 17 00:00:00 2001\nFrom: A <a@b.c>\nSubject: [PATCH] Mend it\n\n---\n'
-    return f'{head}{diff}-- \n2.34.1\n'
-
-
-TEXT = '@@ -0,0 +1 @@\n+on: push\n'
-NOT_OF_THE_MIRROR = [
-    'NOTES.md', 'Überblick.md', '.github/workflows/more.yml', '../.github/workflows/more.yml',
-    'lupin_greenhouse_bridge/../../more.py', '.git/hooks/pre-commit', 'lupin_greenhouse_bridge',
-    'lupin_msgs/msg/SensorReading.msg', 'lupin_msgs/CHANGELOG.rst', 'lupin_greenhouse_msgs/msg/More.msg',
-    'tools/core/lupin_greenhouse_bridge/more.py', 'doc/lupin_greenhouse_ros/lupin_greenhouse_bridge/more.py',
-]  # fmt: skip
-
-
-def test_a_path_that_is_not_of_the_mirror_is_refused_in_every_form_of_a_patch(repositories, refusal):
-    for path in NOT_OF_THE_MIRROR:
-        quoted = path.replace('Ü', r'\303\234')
-        a, b = (f'"{side}/{quoted}"' if quoted != path else f'{side}/{path}' for side in 'ab')
-        for diff in (
-            f'diff --git {a} {b}\nnew file mode 100644\n--- /dev/null\n+++ {b}\n{TEXT}',
-            f'--- /dev/null\n+++ {b}\n{TEXT}',
-            f'diff --git a/README.md {b}\nsimilarity index 100%\nrename from README.md\nrename to {b[2:]}\n',
-            f'diff --git a/README.md {b}\nsimilarity index 100%\ncopy from README.md\ncopy to {b[2:]}\n',
-        ):
-            assert refusal(mail(diff)), (path, diff)
-    before = state(repositories[0])
-    assert refused(import_patch(repositories[0], mail(diff))).startswith("'Mend it': ")
-    assert state(repositories[0]) == before
-
-
-@pytest.mark.parametrize('mode', ['120000', '160000'])
-def test_a_symlink_and_a_submodule_are_refused(refusal, mode):
-    path = 'lupin_greenhouse_bridge/doc/more.md'
-    text = TEXT.replace('on: push', f'Subproject commit {"1" * 40}')
-    diff = f'diff --git a/{path} b/{path}\nnew file mode {mode}\n--- /dev/null\n+++ b/{path}\n{text}'
-    assert refusal(mail(diff)) == f"'Mend it': lupin_greenhouse_ros/{path}: is not a plain file"
-
-
-def test_a_patch_without_prefixes_is_refused_with_the_fix(repositories, refusal):
-    mirror = repositories[1]
-    commit_in(mirror, (f'{BRIDGE}/more.py', '', ''))
-    reason = refusal(git(mirror, 'format-patch', '--stdout', '--no-prefix', '-1'))
-    assert 'without a/ and b/: make it with git -c diff.noprefix=false format-patch' in reason
-
-
-def test_a_traditional_patch_that_was_saved_with_crlf_is_imported(repositories):
-    monorepo, path = repositories[0], f'{PACKAGE}/doc/more.md'
-    result = import_patch(monorepo, mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}').replace('\n', '\r\n'))
-    assert result.returncode == 0, result.stderr
-    assert (monorepo / 'tools/core' / path).read_bytes() == b'on: push\n'
-    assert checks_pass(monorepo)
-
-
-def test_a_patch_that_is_cut_off_is_refused(repositories, refusal):
-    patch = commit_in(repositories[1], NEW_TITLE, (f'{BRIDGE}/units.py', '"""The units', '"""All units'))
-    for end in ('diff --git a/lupin', '\n@@ ', '\n+', '\n---\n'):
-        assert refusal(patch[: patch.rindex(end)])
+PREFIX, ATTACHED = ('-c', 'format.subjectPrefix=RFC PATCH'), ('-c', 'format.attach=part')
 
 
 @pytest.mark.parametrize(
-    ('hook', 'script', 'message'),
+    ('message', 'settings'),
     [
-        ('pre-commit', 'rm -r tools/core; exit 1', 'git commit: exit code 1'),
-        ('pre-applypatch', 'exit 1', 'does not apply to lupin_greenhouse_ros: exit code 1'),
-        ('post-applypatch', 'rm -r tools/core/*/', 'as tools/twins.toml says'),
-        ('pre-commit', 'kill -INT 0', None),
+        ('[docs] Fix the title', ()),
+        ('[docs] Fix the title', PREFIX),
+        ('Fix [a] title\n\n# no comment\n\nSee [docs].\n\n-- >8 --\nStill here.', ()),
+        ('Übersetze\n\nLine one,\n   and an indented one.\n\nSigned-off-by: A <a@b.c>', ATTACHED),
     ],
-    ids=['spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
 )
-def test_a_failure_leaves_the_repository_as_it_was(repositories, hook, script, message):
-    """It fails at the second commit of a series."""
+def test_a_message_arrives_as_it_was_written(repositories, message, settings):
     monorepo, mirror = repositories
-    series = commit_in(mirror, LOG_MORE) + commit_in(mirror, NEW_TITLE)
-    ignored = monorepo / 'monorepo' / BRIDGE / '__pycache__/own.pyc'
-    ignored.parent.mkdir(exist_ok=True)
-    ignored.touch()
-    first = monorepo.parent / 'first'
-    add_hook(monorepo, hook, f'[ -e "{first}" ] || exec touch "{first}"\n{script}')
-    before = state(monorepo)
-    result = import_patch(monorepo, series)
-    assert result.returncode == (1 if message else 130)
-    assert first.exists()
-    if message:
-        assert refused(result).startswith("'Mend it': ")
-        assert refused(result).endswith(message)
-    assert state(monorepo) == before
+    for name, value in (('mailinfo.scissors', 'true'), ('am.messageid', 'true'), ('commit.cleanup', 'strip')):
+        git(monorepo, 'config', name, value)
+    result = import_patch(monorepo, patch_of(mirror, NEW_TITLE, message=message, settings=settings))
+    assert result.returncode == 0, result.stderr
+    told = ['show', '--no-patch', '--format=%an <%ae> %ad%n%B']
+    assert git(monorepo, *told) == git(mirror, *told)
+
+
+def test_what_the_mirror_must_keep_cannot_be_changed(repositories):
+    monorepo, mirror = repositories
+    node, units = f'{BRIDGE}/bridge_node.py', f'{BRIDGE}/units.py'
+    for edits, reason in (
+        (
+            [(node, '    return value or None\n', '    return value\n')],
+            "must have 'return value or None' once",
+        ),
+        (
+            [(units, '', '# lupin_msgs')],
+            f'{units}: names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs',
+        ),
+        ([('NOTES.md', '', 'x')], 'lupin_greenhouse_ros/NOTES.md: is not a file of the mirror'),
+        ([('lupin_msgs/msg/SensorReading.msg', '', 'x')], 'SensorReading.msg: is not a file of the mirror'),
+        ([('lupin_greenhouse_msgs/msg/More.msg', '', 'x')], 'More.msg: is not a file of the mirror'),
+    ):
+        assert reason in refused(import_patch(monorepo, patch_of(mirror, *edits)))
+        git(mirror, 'reset', '--quiet', '--hard', 'HEAD~')
+    (mirror / 'LICENSE').unlink()
+    assert 'LICENSE: is missing' in refused(import_patch(monorepo, patch_of(mirror)))
+    (mirror / units).unlink()
+    (mirror / units).symlink_to('errors.py')
+    assert f'{units}: is not a plain file' in refused(import_patch(monorepo, patch_of(mirror)))
+
+
+@pytest.mark.parametrize(
+    'path', ['../.github/workflows/more.yml', f'{PACKAGE}/../../more.py', '.git/hooks/x']
+)
+def test_a_path_outside_of_the_mirror_is_refused(repositories, path):
+    head = f'From {"0" * 40} Mon Sep 17 00:00:00 2001\nFrom: A <a@b.c>\nSubject: [PATCH] Mend it\n\n---\n'
+    diff = f'diff --git a/{path} b/{path}\nnew file mode 100644\n--- /dev/null\n+++ b/{path}\n'
+    before = state(repositories[0])
+    assert refused(
+        import_patch(repositories[0], f'{head}{diff}@@ -0,0 +1 @@\n+on: x\n-- \n2.34.1\n')
+    ).startswith('patch 1: ')
+    assert state(repositories[0]) == before
+
+
+def test_a_patch_that_was_saved_with_crlf_is_imported(repositories):
+    monorepo, mirror = repositories
+    result = import_patch(monorepo, patch_of(mirror, LOG_MORE).replace('\n', '\r\n'))
+    assert result.returncode == 0, result.stderr
+    assert checks_pass(monorepo)
 
 
 def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     monorepo, mirror = repositories
-    first = commit_in(mirror, LOG_MORE)
-    second = commit_in(mirror, NEW_TITLE)
+    first, second = patch_of(mirror, LOG_MORE), patch_of(mirror, NEW_TITLE)
     good = import_patch(monorepo, first + second)
     assert good.returncode == 0, good.stderr
     told = ['log', '-2', '--format=%an <%ae> %ad %s']
@@ -240,23 +158,19 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
 
     before = state(monorepo)
     again = import_patch(monorepo, first + second)
-    assert (again.returncode, again.stdout) == (0, "'Mend it' is here already\n" * 2)
-    third = commit_in(mirror, ('README.md', '## In a larger workspace', '## In a workspace'))
+    assert (again.returncode, again.stdout) == (0, 'the patches are here already\n')
+    third = patch_of(mirror, ('README.md', '## In a larger workspace', '## In a workspace'))
     bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
-    assert "'Mend it': does not apply to lupin_greenhouse_ros: " in refused(bad)
+    assert refused(bad).startswith('patch 2: git am: ')
     assert state(monorepo) == before
 
 
 def test_a_missing_file_one_without_a_patch_and_uncommitted_changes_are_refused(repositories):
     monorepo, mirror = repositories
-    page = import_patch(monorepo, '<html>sign in</html>\n')
-    assert refused(page).endswith('holds no patch of git format-patch')
+    assert 'git mailsplit: ' in refused(import_patch(monorepo, '<html>sign in</html>\n'))
     edit(monorepo / 'README.md', '', 'changed')
-    result = import_patch(monorepo, commit_in(mirror, NEW_TITLE))
-    assert result.returncode == 2
-    assert result.stderr == 'mirror-import: commit or stash your own changes first\n'
-    for name, what in (('missing.patch', 'no file'), ('', 'no file'), ('tools', 'a folder')):
-        command = ['python', '-B', 'tools/mirror_import.py', name]
-        missing = subprocess.run(command, cwd=monorepo, capture_output=True, text=True, check=False)
-        assert missing.returncode == 2
-        assert missing.stderr == f'mirror-import: PATCH={name} is {what}: write PATCH=N.patch\n'
+    result = import_patch(monorepo, patch_of(mirror, NEW_TITLE))
+    assert refused(result) == 'commit or stash your own changes first\n'
+    command = [sys.executable, '-B', 'tools/mirror_import.py', 'missing.patch']
+    missing = subprocess.run(command, cwd=monorepo, capture_output=True, text=True, check=False)
+    assert refused(missing) == 'PATCH=missing.patch is no file: write PATCH=N.patch\n'
