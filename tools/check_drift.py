@@ -32,7 +32,8 @@ UNDONE = '    return <the allowed divergence>'
 
 # Files of the mirror that are kept by hand, with the monorepo's names; every other file has its twin.
 MIRROR_ALONE = {
-    '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/workflows/ci.yml',
+    '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/distro.sh',
+    '.github/workflows/ci.yml',
     '.gitattributes', '.gitignore', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md',
     'LICENSE', 'README.md', 'custom_tag_file.patch', 'lupin_msgs/CHANGELOG.rst',
     'lupin_msgs/CMakeLists.txt', 'lupin_msgs/package.xml', 'pixi.toml', 'rosdep.yaml',

@@ -1,0 +1,1 @@
+../lupin_greenhouse_ros/.github/distro.sh
