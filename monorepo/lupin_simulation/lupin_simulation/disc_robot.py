@@ -7,13 +7,11 @@ from collections.abc import Iterable
 
 import numpy as np
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
-from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
 from lupin_simulation.settings import Settings
 
 TURN_RAD_PER_S = 1.5
-CELL_M = 0.05  # of the planner, as by default in Nav2's costmaps
 
 Point = tuple[float, float]
 
@@ -73,25 +71,6 @@ class DiscRobot:
         self._driven_m = np.cumsum([0.0, *steps_m])
         self._times = np.cumsum([0.0, *(steps_m / self._speed_m_per_s + np.abs(turn) / TURN_RAD_PER_S)])
         self._seconds = 0.0
-
-
-def path_towards(space: FreeSpace, start: Point, goal: Point, tolerance_m: float) -> list[Point] | None:
-    """
-    Return the shortest path to a goal or, like Nav2's planner, to the nearest cell that can be reached.
-
-    The cells are CELL_M apart. Returns None if none within `tolerance_m` of the goal can be reached.
-    """
-    if not space.is_free(*start):
-        return None
-    cells = int(tolerance_m / CELL_M)
-    steps_m = CELL_M * np.arange(-cells, cells + 1)
-    offsets = np.array(list(itertools.product(steps_m, steps_m)))
-    distances_m = np.hypot(*offsets.T)
-    nearest = np.argsort(distances_m, kind='stable')
-    points = goal + offsets[nearest][distances_m[nearest] <= tolerance_m]
-    points = points[space.are_free(points)]
-    reachable = points[space.regions_of(points) == space.regions_of([start])]
-    return shortest_path(space, start, reachable[0]) if len(reachable) else None
 
 
 def arrival_at(

@@ -4,9 +4,6 @@ A navigator for simulations without Nav2: serves NavigateToPose, and moves a dis
 Publishes `odom` and `amcl_pose`, which agree: both say where the robot is in the layout. Aborts a goal that
 has no path to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
 
-It has the life cycle of Nav2's bt_navigator: once it is configured it offers its action, and it rejects goals
-until it is active. `~/change_state` changes its state, as for each managed node.
-
     ros2 run lupin_simulation fake_navigator --ros-args -p speedup:=20.0
 """
 
@@ -20,6 +17,7 @@ from typing import Any, TypeAlias
 from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.runtime.output import check_output_file
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
@@ -28,12 +26,11 @@ from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
 from nav_msgs.msg import Odometry
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
-from std_srvs.srv import SetBool
 
-from lupin_simulation.disc_robot import DiscRobot, arrival_at, path_towards
+from lupin_simulation.disc_robot import DiscRobot, arrival_at
 from lupin_simulation.settings import Settings
 
 GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
@@ -42,76 +39,47 @@ NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
 STEP_SECONDS = 0.05
 ROUTE_HEADER = 'x,y'
-PROGRESS_SECONDS = 10.0  # without a move, as movement_time_allowance of Nav2's progress checker
-# The error codes of Nav2's controller and planner.
-FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, GOAL_OCCUPIED, NO_VALID_PATH = 105, 205, 206, 208
+# The error codes of Nav2's planner.
+GOAL_OCCUPIED, NO_VALID_PATH = 206, 208
 
 
-class FakeNavigator(LifecycleNode):
+class FakeNavigator(Node):
     """Serves one goal at a time. No callback blocks, because a timer moves the robot."""
 
     def __init__(self) -> None:
         """Read the layout, and serve the action; raises StartUpError."""
-        self._server: ActionServer[Any, Any, Any] | None = None  # from on_configure() to on_cleanup()
+        self._server: ActionServer[Any, Any, Any] | None = None  # if the start fails
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         if settings.route_file:
             check_output_file(Path(settings.route_file), 'route_file', mark=ROUTE_HEADER.encode())
-        self._planner_space = settings.free_space(settings.padding_m)
-        self._robot_space = settings.free_space()
-        self._chance = random.Random(settings.arrival_seed)  # noqa: S311 - not for cryptography
+        self._space = settings.free_space()
+        self._chance = random.Random(0)  # noqa: S311 - not for cryptography
         self._action = navigate_to_pose('fake_navigator', '')
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal: GoalHandle | None = None  # of the drive that the robot is on
-        self._results_due = self._goals_reached = 0
-        self._is_active, self._is_wedged = False, settings.wedged_after == 0
-        self._stuck_seconds, self._moved_at = 0.0, time.monotonic()
+        self._results_due = 0
+        self._moved_at = time.monotonic()
         self._odometry = self.create_publisher(Odometry, 'odom', QoSProfile(depth=10))
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', latched())
-        self.create_service(SetBool, '~/set_wedged', self._on_set_wedged)
-        if settings.autostart:
-            self.trigger_configure()
-            self.trigger_activate()
-        steady_timer(self, STEP_SECONDS, self._step)
-        self._publish()
-        self._write_route()
-        self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')
-
-    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Offer the action."""
         self._server = ActionServer(
             self,
             self._action,
-            self._settings.nav_action_name,
+            settings.nav_action_name,
             execute_callback=self._result,
             goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Accept goals."""
-        self._is_active = True
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Abort the goal, and accept none."""
-        self._is_active = False
-        if self._goal:
-            self._end(self._goal, 'the navigator was deactivated')
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_cleanup(self, _state: LifecycleState | None = None) -> TransitionCallbackReturn:
-        """Withdraw the action."""
-        if self._server:
-            self._server.destroy()
-        self._server = None
-        return TransitionCallbackReturn.SUCCESS
+        steady_timer(self, STEP_SECONDS, self._step)
+        self._publish()
+        self._write_route()
+        self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')
 
     def destroy_node(self) -> None:
         """Withdraw the action too."""
-        self.on_cleanup()
+        if self._server:
+            self._server.destroy()
         super().destroy_node()
 
     def send_results(self) -> int:
@@ -120,14 +88,7 @@ class FakeNavigator(LifecycleNode):
             self.executor.spin_once(timeout_sec=0)
         return 0
 
-    def _on_set_wedged(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._is_wedged, response.success = request.data, True
-        return response
-
     def _on_goal(self, request: Any) -> GoalResponse:
-        if not self._is_active:
-            self.get_logger().warning('goal rejected: the navigator is inactive')
-            return GoalResponse.REJECT
         is_finite = all(map(math.isfinite, pose_in_plane(request.pose.pose)))
         if is_finite and request.pose.header.frame_id == MAP_FRAME:
             return GoalResponse.ACCEPT
@@ -137,46 +98,36 @@ class FakeNavigator(LifecycleNode):
     def _on_accepted(self, goal: GoalHandle) -> None:
         if self._goal:
             self._end(self._goal, 'a newer goal has come')
-        self._goal, self._stuck_seconds = goal, 0.0
+        self._goal = goal
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        path = path_towards(self._planner_space, start[:2], target[:2], self._settings.tolerance)
+        path = shortest_path(self._space, start[:2], target[:2])
         if path is None:
             self._end(goal, *self._failure_of(start, target))
         else:
-            planned = PoseInPlane(*path[-1], target.yaw)
-            arrival = arrival_at(planned, self._settings, self._chance, self._robot_space)
+            arrival = arrival_at(target, self._settings, self._chance, self._space)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
 
     def _failure_of(self, start: PoseInPlane, target: PoseInPlane) -> tuple[str, int]:
-        """Return why there is no path, and with which code; a planner with a tolerance needs no free goal."""
+        """Return why there is no path, and Nav2's code for it."""
         here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
-        if not self._planner_space.is_free(*start[:2]):
-            return f'the start at {here} is occupied', START_OCCUPIED
-        if not self._settings.tolerance and not self._planner_space.is_free(*target[:2]):
+        if not self._space.is_free(*target[:2]):
             return f'the goal at {there} is occupied', GOAL_OCCUPIED
         return f'no path from {here} to goal {there}', NO_VALID_PATH
 
     def _step(self) -> None:
-        """Move the robot for the time that has passed, and end its goal if it is done or stuck."""
+        """Move the robot for the time that has passed, and end its goal if it is done."""
         goal, now = self._goal, time.monotonic()
         if goal and goal.is_cancel_requested:
             self._robot.stop()
         seconds, self._moved_at = (now - self._moved_at) * self._settings.speedup, now
-        if self._is_wedged:
-            self._stuck_seconds += seconds
-        else:
-            self._robot.advance(seconds)
+        self._robot.advance(seconds)
         self._publish()
         if not goal:
             return
         pose = PoseStamped(header=self._header(MAP_FRAME), pose=pose_message(*self._robot.pose))
         goal.publish_feedback(self._action.Feedback(current_pose=pose, distance_remaining=self._robot.left_m))
         if not self._robot.is_moving:
-            self._goals_reached += not goal.is_cancel_requested
-            self._is_wedged |= self._goals_reached == self._settings.wedged_after
             self._end(goal)
-        elif self._stuck_seconds >= PROGRESS_SECONDS:
-            self._end(goal, 'the robot does not move', FAILED_TO_MAKE_PROGRESS)
 
     def _end(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> None:
         """Stand still, and end the goal."""

@@ -17,8 +17,6 @@ from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
-LARGEST_INT = 2**31 - 1
-
 
 @dataclass(frozen=True)
 class LayoutSettings:
@@ -50,16 +48,10 @@ class Settings(LayoutSettings):
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
-    padding_m: float = parameter(0.0, 'Metres that the planner adds to it.', smallest=0.0, largest=1.0)
-    # The name of Nav2's planner, whose default is 0.5.
-    tolerance: float = parameter(0.0, 'Metres that a plan may miss its goal by.', smallest=0.0, largest=5.0)
     arrival_error_m: float = parameter(0.0, 'Metres by which it may miss a goal.', smallest=0.0, largest=1.0)
     arrival_error_rad: float = parameter(
         0.0, 'Radians by which it may miss one.', smallest=0.0, largest=math.pi
     )
-    arrival_seed: int = parameter(0, 'Seed of the arrival errors.', smallest=0, largest=LARGEST_INT)
-    wedged_after: int = parameter(-1, 'Goals until it is stuck; -1: never.', smallest=-1, largest=LARGEST_INT)
-    autostart: bool = parameter(True, 'Activate the node when it starts; false: wait for ~/change_state.')
     speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
     speedup: float = parameter(1.0, 'Simulated seconds per second.', smallest=0.001, largest=1000.0)
     start_pose: str = parameter('0.5 0.5 0.0', 'x, y and yaw where the robot starts.', of_any_type=True)
@@ -89,12 +81,12 @@ class Settings(LayoutSettings):
         edges = iter(parse_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def free_space(self, padding_m: float = 0.0) -> FreeSpace:
+    def free_space(self) -> FreeSpace:
         """Return the free space, with the obstacles; raises StartUpError if the robot cannot start there."""
         layout, walls = self.read_layout()
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         layout = layout._replace(tables=layout.tables | obstacles)
-        free_space = FreeSpace(layout, walls, self.robot_radius_m + padding_m)
+        free_space = FreeSpace(layout, walls, self.robot_radius_m)
         if not free_space.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'

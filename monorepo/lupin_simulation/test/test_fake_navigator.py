@@ -8,10 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
 from lupin_greenhouse_bridge.planning.approach import find_approaches
@@ -23,16 +20,14 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
-    call,
     repeat_until_answered,
     running,
     wait_until,
 )
 from lupin_simulation import fake_navigator
-from lupin_simulation.fake_navigator import PROGRESS_SECONDS, FakeNavigator
+from lupin_simulation.fake_navigator import FakeNavigator
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
-from std_srvs.srv import SetBool
 
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
@@ -55,11 +50,6 @@ def result_of(future):
 class Client:
     def __init__(self, node, action_type):
         self._node, self._type = node, action_type
-        # Not later: a client that is made while another thread destroys a server may not find its own.
-        self._services = {
-            name: node.create_client(service_type, f'/navigator/{name}')
-            for name, service_type in (('change_state', ChangeState), ('set_wedged', SetBool))
-        }
         self.server = ActionClient(node, action_type, 'navigate_to_pose')
         self.odometry, self.estimates, self.feedback = [], [], []
         node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
@@ -75,14 +65,6 @@ class Client:
         goal = self._type.Goal()
         repeat_until_answered(lambda: self._node.executor.create_task(self._reply_to, goal), 'the action')
         return self
-
-    def call(self, name: str, request) -> None:
-        assert self._services[name].wait_for_service(timeout_sec=PATIENCE_SECONDS)
-        assert call(self._services[name], request).success
-
-    def change_state(self, *transitions: int) -> None:
-        for each in transitions:
-            self.call('change_state', ChangeState.Request(transition=Transition(id=each)))
 
     def send(self, pose: PoseInPlane, frame_id: str = 'map'):
         goal = self._type.Goal()
@@ -145,7 +127,7 @@ def start(monkeypatch, run_nodes, clock):  # noqa: ARG001 - the robot has its cl
         _, node = run_nodes(FakeNavigator, **parameters)
         # In the thread that spins: rclpy spins a client of an action before it is complete.
         client = result_of(node.executor.create_task(Client, node, action_type))
-        return client.wait_for_server() if parameters.get('autostart', True) else client
+        return client.wait_for_server()
 
     return start_navigator
 
@@ -186,16 +168,9 @@ def test_a_goal_in_an_obstacle_is_aborted_with_the_reason_that_the_distro_can_te
     assert client.arrives_at(NEAR, clock)
 
 
-def test_with_a_tolerance_a_drive_to_a_goal_in_an_obstacle_succeeds_at_the_nearest_free_point(start, clock):
-    """The robot needs 0.3 m to the middle of the small obstacle, and 0.7 m to that of the large one."""
-    blocked = f'{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1} 0.0 2.0 1.0 3.0'
-    client = start(blocked=blocked, tolerance=0.5)
-    assert client.arrives_at(FAR, clock)
-    pose = client.wait_until_robot(lambda pose: pose.yaw == pytest.approx(FAR.yaw))
-    assert 0.3 <= math.dist(pose[:2], FAR[:2]) <= 0.36
-    assert client.arrives_at(NEAR, clock)
-    client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
-    assert client.is_aborted(client.send(PoseInPlane(0.5, 2.5, 0.0)), error_code=208)
+def test_a_goal_that_is_cut_off_is_aborted_with_the_code_for_no_path(start):
+    client = start(blocked='0.0 2.0 4.0 2.5')
+    assert client.is_aborted(client.send(PoseInPlane(0.5, 4.0, 0.0)), error_code=208)
 
 
 def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_the_map_is_rejected(
@@ -235,43 +210,3 @@ def test_without_nav2_msgs_it_advises_no_parameter_of_the_mission(monkeypatch):
     with refused as refusal, running(FakeNavigator):
         pass
     assert 'drive' not in str(refusal.value)
-
-
-def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accepts_goals(start, clock):
-    client = start(autostart=False)
-    client.change_state(Transition.TRANSITION_CONFIGURE)
-    client.wait_for_server()
-    assert not client.send(NEAR).accepted
-    client.change_state(Transition.TRANSITION_ACTIVATE)
-    goal = client.send(FAR)
-    clock.pass_seconds(5.0)
-    here = client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
-    client.change_state(Transition.TRANSITION_DEACTIVATE)
-    client.stays_at(here, clock)
-    assert client.is_aborted(goal, error_msg='the navigator was deactivated')
-    assert client.server.server_is_ready()
-    assert not client.send(NEAR).accepted
-    client.change_state(Transition.TRANSITION_CLEANUP)
-    wait_until(lambda: not client.server.server_is_ready())
-    client.change_state(Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
-    client.wait_for_server()
-    assert result_of(goal.cancel_goal_async()).return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-    assert client.arrives_at(NEAR, clock)
-
-
-def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, clock):
-    """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
-    client = start(blocked='0.3 1.225 0.7 1.3', padding_m=0.02, arrival_error_m=0.06)
-    assert client.arrives_at(PoseInPlane(0.5, 1.0, 0.0), clock)
-    assert client.is_aborted(client.send(NEAR), error_code=205)
-
-
-def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
-    client = start(wedged_after=1)
-    assert client.arrives_at(NEAR, clock)
-    goal = client.send(FAR)
-    clock.pass_seconds(PROGRESS_SECONDS)
-    assert client.is_aborted(goal, error_code=105)
-    client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
-    client.call('set_wedged', SetBool.Request(data=False))
-    assert client.arrives_at(FAR, clock)
