@@ -48,7 +48,7 @@ read: $(BUILT)  ## read tags from a running bridge: make read TAG=7, TAG="1 5", 
 	@$(IN_ENV) read_tag $(TAG) $(ARGS)
 
 mission: $(MONOREPO) $(STAND_INS)  ## visit and read every tag: CAMERA=1 looks for each, DRIVE=1 drives there, RECORD=FILE keeps the readings
-	@$(IN_ENV) inspection --output .mission $(if $(CAMERA),--camera image) $(if $(DRIVE),--drive) \
+	@$(IN_ENV) inspection --output .mission $(if $(CAMERA),--camera) $(if $(DRIVE),--drive) \
 	    $(if $(RECORD),--record "$(RECORD)") $(ARGS)
 
 page: $(MONOREPO)  ## make a page of the readings of the last mission, or of FILE=readings.sqlite
