@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import rclpy
 from checkout import ROOT, run
-from lupin_greenhouse_bridge.recording.rows import HEADER
+from lupin_greenhouse_bridge.recording.rows import make_rows
+from lupin_greenhouse_bridge.recording.store import Store
 
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 EXECUTABLES = sorted(
@@ -75,8 +76,9 @@ def test_a_folder_to_write_to_is_not_the_name_of_a_file(refusal, command, tmp_pa
 def inputs(tmp_path_factory):
     """Return a folder with what the commands read."""
     folder = tmp_path_factory.mktemp('inputs')
-    row = '1,1970-01-01T00:00:00.000000001Z,1,co2,600.0,ppm,1.6,1.3,43200.0,test'
-    (folder / 'readings.csv').write_text(f'{HEADER}\n{row}\n', encoding='utf-8')
+    Store(str(folder / 'readings.sqlite')).keep(
+        make_rows(1, '1', [('co2', 600.0)], 43200.0, 'test', (1.6, 1.3))
+    )
     tags = {'tags': {'1': {'x': 1.0, 'y': 0.0, 'sensors': ['co2']}}, 'tables': {}}
     (folder / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     return folder
@@ -84,7 +86,7 @@ def inputs(tmp_path_factory):
 
 WORK = {
     'bridge_node': ('--help', ''),
-    'readings_page': ('{}/readings.csv -o page.html', 'page.html'),
+    'readings_page': ('{}/readings.sqlite -o page.html', 'page.html'),
     'inspection': ('--output mission tag_sequence:=1', 'mission'),
 }
 

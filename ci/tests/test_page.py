@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
-from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.recording.store import Store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
 from PIL import Image, ImageColor
@@ -484,7 +484,7 @@ def test_charts_are_equally_wide_and_their_times_below_each_other(tmp_path, open
         Row(ns, utc_of(ns), tags[n % len(tags)], f's{n % sensors}', n % 97, '', None, None, n % 86400, 'test')
         for n, ns in enumerate(stamps)
     ]
-    open_store(str(path)).keep(rows)
+    Store(str(path)).keep(rows)
     page = open_page(path, width=1280)
     shares = [0.95 < share * columns[0] <= 1 for share in page.evaluate(CHART_SHARES)]
     assert shares == [True] * (1 + sensors)  # of the heading, too
@@ -527,7 +527,7 @@ def test_the_header_of_the_table_stays_while_the_page_scrolls(report, open_page,
 def test_the_lowest_and_the_highest_line_stand_out_and_the_axis_follows_the_values(tmp_path, open_page):
     path, tags = tmp_path / 'hour.sqlite', find_layout('').tags
     moments = [(START_S + 60 * n) * 10**9 for n in range(60)]
-    open_store(str(path)).keep(
+    Store(str(path)).keep(
         [
             Row(ns, utc_of(ns), tag_id, 'co2', 500 + 2 * n, '', None, None, 43200.0 + at, 'test')
             for at, ns in enumerate(moments)

@@ -27,7 +27,7 @@ from lupin_greenhouse_bridge.planning.registration import read_places, read_regi
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
 from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.recording.store import Store
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS
@@ -92,14 +92,12 @@ def test_the_schemas_and_the_page_name_every_sensor_and_the_defaults_that_the_br
     assert on_page == {key: str(value) for key, value in COMPONENT_DEFAULTS.items()}
 
 
-def test_the_table_of_readings_has_these_columns(example, tmp_path):
-    rows = read_file(example('readings.csv')).rows
-    assert [row[2:5] for row in rows] == [('1', 'temperature', 22.686), ('1', 'co2', 615.168)]
+def test_the_table_of_readings_has_these_columns(tmp_path):
     path = tmp_path / 'readings.sqlite'
-    open_store(str(path))
+    Store(str(path))
     with contextlib.closing(sqlite3.connect(path)) as connection:
         columns = [(each[1], each[2]) for each in connection.execute('PRAGMA table_info(readings)')]
-    assert [(name, kind) for name, kind, _ in table('readings.csv', 3)] == columns
+    assert [(name, kind) for name, kind, _ in table('readings.sqlite', 3)] == columns
     assert [name for name, _ in columns] == list(Row._fields)
 
 

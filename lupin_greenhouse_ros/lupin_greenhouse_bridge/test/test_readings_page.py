@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.display.reading_file import Recording
 from lupin_greenhouse_bridge.display.summary import greenhouse_times
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
-from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.recording.store import Store, read_rows
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import name_of
 
@@ -33,11 +33,11 @@ def report(tmp_path):
 
 @pytest.fixture
 def recording(tmp_path):
-    """Return a function that keeps these values of one sensor, a second apart, as SQLite or CSV."""
+    """Return a function that keeps these values of one sensor, a second apart, as SQLite."""
 
     def write(name, values, sensor='ph', place_m=(1.0, 2.0)):
         path = tmp_path / name
-        store = open_store(str(path))
+        store = Store(str(path))
         for number, value in enumerate(values):
             ns = (START_S + number) * 10**9
             store.keep([Row(ns, utc_of(ns), 'a1', sensor, value, '', *place_m, 60.0, 'test')])
@@ -121,7 +121,7 @@ def test_more_tags_than_are_shown_are_counted(report):
 
 
 def test_without_the_simulator_a_recording_shows_its_own_places(recording, report, monkeypatch, capsys):
-    path, report_path = recording('day.csv', [7.0]), report(visit('1', co2=1.0))
+    path, report_path = recording('day.sqlite', [7.0]), report(visit('1', co2=1.0))
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert [tag['id'] for tag in shown(path)['tags']] == ['a1']
     assert readings_page.main([str(report_path)]) == 2
@@ -129,7 +129,7 @@ def test_without_the_simulator_a_recording_shows_its_own_places(recording, repor
 
 
 def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(recording):
-    data = shown(recording('day.csv', [7.0, 6.5]))
+    data = shown(recording('day.sqlite', [7.0, 6.5]))
     tag = data['tags'][0]  # before those of the layout, which are not in the file
     assert (tag['id'], tag['x'], tag['y'], tag['values'], tag['outcome']) == ('a1', 1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
@@ -226,10 +226,9 @@ def test_tags_outside_the_walls_are_named(recording, capsys):
 
 
 def test_a_value_that_another_one_hides_is_said(recording, capsys):
-    path = recording('readings.csv', [400.0])
-    (row,) = path.read_text(encoding='utf-8').splitlines()[1:]
-    with path.open('a', encoding='utf-8') as file:
-        file.write(f'{row}\n{row.replace("400", "500")}\n')  # the same row is no other value
+    path = recording('readings.sqlite', [400.0])
+    (row,) = read_rows(path)
+    Store(str(path)).keep([row, row._replace(value=500.0)])
     (tag,) = (each for each in shown(path)['tags'] if each['id'] == 'a1')
     assert tag['values'] == [500.0]
     hidden = '1 value with the stamp, tag and sensor of another value: the last one is shown'
@@ -258,9 +257,10 @@ def test_positions_of_another_greenhouse_are_refused(write_layout, recording, ca
         ('FILE -o other.html', "'other.html' exists and is not from this program: name another"),
         ('FILE -o FILE', "--output 'FILE' is the file of FILE itself: name another file"),
         ('FILE -o tags.json --tag-file tags.json', 'is the file of --tag-file itself: name'),
-        ('FILE --tag-file FILE', 'is not JSON'),
+        ('FILE --tag-file FILE', "tag_file 'FILE'"),
         ('FILE --sim-config-file tags.json', 'time is missing'),
-        ('tags.json', ': name a tag file with --tag-file'),
+        ('tags.json', 'is not an observation'),
+        ('FILE.csv', "'FILE.csv': line 1 is not an observation (it is not JSON): name a file of record"),
         ('REPORT --tag-file tags.json', "2 of the file's 2 tags are not in it, such as '1': name the"),
         ('config.yml', "'config.yml': No such file or directory: name a file of record_readings"),
     ],
@@ -269,10 +269,11 @@ def test_what_cannot_be_shown_is_said_in_one_line(
     recording, report, write_layout, tmp_path, capsys, monkeypatch, words, fault
 ):
     monkeypatch.chdir(tmp_path)
-    recording('day.csv', [7.0]).rename('FILE')
+    recording('day.sqlite', [7.0]).rename('FILE')
     report(visit('1', co2=1.0), visit('9', 'TIMEOUT')).rename('REPORT')
     write_layout({'x': (1.0, 2.0)})
     (tmp_path / 'other.html').write_text('<!doctype html>', encoding='utf-8')
+    (tmp_path / 'FILE.csv').write_text('stamp_ns,stamp_utc\n1,2\n', encoding='utf-8')
     (tmp_path / 'ROUTE').write_text('x,y\n0,1\nnan,1\n', encoding='utf-8')
     assert readings_page.main(words.split()) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -93,9 +93,9 @@ def test_a_bad_parameter_is_refused_before_it_serves(bridge_here, monkeypatch, p
 @pytest.mark.parametrize(
     ('main', 'name', 'value', 'fragment'),
     [
-        (record_readings.main, 'file', 'r.txt', "file 'r.txt' ends in none of .sqlite, .db, .csv: name it"),
-        (record_readings.main, 'file', 'no/a.csv', "'no/a.csv': No such file or directory: make the folder"),
-        (record_readings.main, 'file', 'folder.db', "'folder.db': not a regular file: name another file"),
+        (record_readings.main, 'file', 'r.csv', "file 'r.csv' does not end in .sqlite or .db: name it"),
+        (record_readings.main, 'file', 'no/a.db', "no/a.db': unable to open database file: make the folder"),
+        (record_readings.main, 'file', 'folder.db', "folder.db': not a regular file: name another file"),
         (record_readings.main, 'readings_topics', '/a no-name', 'readings_topics: Invalid topic name: '),
         *((record_readings.main, 'readings_topics', each, 'topics is ') for each in ("' '", '7', '[1, 2]')),
         (show_readings.main, 'sensor', 'ozone', "sensor is 'ozone': the greenhouse config has no"),

@@ -103,8 +103,7 @@ def _parser() -> argparse.ArgumentParser:
         'file',
         metavar='FILE',
         type=Path,
-        help="a mission's report NAME.jsonl, or a file NAME.sqlite or NAME.csv of record_readings or"
-        ' read_tag --csv',
+        help="a mission's report NAME.jsonl, or a file NAME.sqlite of record_readings",
     )
     add(
         '--sensor',

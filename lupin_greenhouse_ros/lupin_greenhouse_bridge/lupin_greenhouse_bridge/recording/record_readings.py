@@ -1,15 +1,13 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
-ROS 2 node `record_readings`: keeps each value that it receives as a row of a SQLite or CSV file.
+ROS 2 node `record_readings`: keeps each value that it receives as a row of a SQLite file.
 
-ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.csv
+ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.sqlite
 """
 
 import math
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,7 @@ from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, parameter_service_
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording.rows import Row, fault_of, rows_of
-from lupin_greenhouse_bridge.recording.store import Store, StoreError, open_store
+from lupin_greenhouse_bridge.recording.store import LOCKED_FOR_SECONDS, Store, StoreError
 from lupin_greenhouse_bridge.recording.subscription import (
     subscribe_to_readings,
     take_what_has_arrived,
@@ -37,11 +35,10 @@ from lupin_greenhouse_bridge.simulator.layout import find_places
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
-MOST_ROWS = 50_000
-MOST_BYTES = 64 * 2**20  # of memory
+MOST_ROWS = 50_000  # that wait in memory
 WRITE_EVERY_SECONDS = 0.5
 ERROR_EVERY_SECONDS = 10.0
-LAST_TRIES = 6  # at the end: three seconds for a file that another program locks
+LAST_WAIT_SECONDS = 3.0  # at the end, for a file that another program locks
 TAG_FILE_UNKNOWN = 'the bridge has not told its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
 
@@ -52,7 +49,7 @@ class Settings:
 
     readings_topics: str = topics_parameter()
     file: str = parameter(
-        'readings.sqlite', 'The file to write or to continue: .sqlite or .db for SQLite, or .csv.'
+        'readings.sqlite', 'The SQLite file to write or to continue: NAME.sqlite or NAME.db.'
     )
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for the positions; empty: the one that the bridge uses."
@@ -63,12 +60,11 @@ class Settings:
         topics_of(self.readings_topics)
 
 
-class BufferedWriter:
+class Buffer:
     """
-    Writes the waiting rows twice a second after start(). A file that cannot be written blocks nobody else.
+    The rows that wait until they are written. While the file cannot be written, MOST_ROWS wait at most.
 
-    Up to MOST_ROWS rows and MOST_BYTES wait in memory, and rows that do not fit are counted as lost. The line
-    "N rows kept" acknowledges that the first N new rows are on the disk.
+    The line "N rows kept" acknowledges that the first N new rows are on the disk.
     """
 
     def __init__(
@@ -76,74 +72,45 @@ class BufferedWriter:
     ) -> None:
         """Write to an open store. The clock is monotonic, in seconds."""
         self._store, self._logger, self._clock = store, logger, clock
-        self._lock = threading.Lock()
         self._waiting: list[Row] = []
-        self._bytes = self._kept = self._lost = self._lost_said = 0
+        self._kept = self._dropped = 0
         self._next_error_at = -math.inf
-        self._is_ended = threading.Event()
-        self._thread = threading.Thread(target=self._write_all, name='writer', daemon=True)
 
-    def start(self) -> None:
-        """Start to write."""
-        self._thread.start()
+    def add(self, rows: Sequence[Row]) -> None:
+        """Take rows; those that do not fit are counted as dropped."""
+        room = MOST_ROWS - len(self._waiting)
+        self._waiting += rows[:room]
+        self._dropped += len(rows[room:])
 
-    def add(self, rows: Iterable[Row]) -> None:
-        """Take rows, without waiting for the file."""
-        with self._lock:
-            for row in rows:
-                size = _bytes_of(row)
-                if len(self._waiting) < MOST_ROWS and self._bytes + size <= MOST_BYTES:
-                    self._waiting.append(row)
-                    self._bytes += size
-                else:
-                    self._lost += 1
-
-    def _write_all(self) -> None:
-        while not self._is_ended.wait(WRITE_EVERY_SECONDS):
-            self.write()
-
-    def write(self) -> bool:
-        """Write the waiting rows, and log the result; return whether all of them are written."""
-        with self._lock:
-            rows = list(self._waiting)
+    def write(self, wait_seconds: float = LOCKED_FOR_SECONDS) -> None:
+        """Write the waiting rows, and log the result."""
+        if not self._waiting:
+            return
         try:
-            new_count = self._store.keep(rows) if rows else 0
+            new_count = self._store.keep(self._waiting, wait_seconds)
         except StoreError as error:
             if self._clock() >= self._next_error_at:
                 self._next_error_at = self._clock() + ERROR_EVERY_SECONDS
-                waiting = pluralized(len(rows), 'row')
-                self._logger.error(f'{error}: {waiting} waiting in memory, {self._lost} dropped')
-            return False
-        with self._lock:
-            del self._waiting[: len(rows)]
-            self._bytes -= sum(map(_bytes_of, rows))
+                waiting = pluralized(len(self._waiting), 'row')
+                self._logger.error(f'{error}: {waiting} waiting in memory, {self._dropped} dropped')
+            return
+        self._waiting.clear()
         self._kept += new_count
         if new_count:
             self._logger.info(f'{pluralized(self._kept, "row")} kept')
-        if self._lost > self._lost_said:
-            self._lost_said = self._lost
-            dropped = pluralized(self._lost, 'row')
-            self._logger.warning(f'{dropped} dropped so far: the file could not be written for too long')
-        return True
 
     def end(self) -> int:
         """Write the waiting rows, and return how many rows were lost since the start."""
-        self._is_ended.set()
-        if self._thread.is_alive():
-            self._thread.join()
         self._next_error_at = -math.inf
-        any(self.write() for _ in range(LAST_TRIES))
-        self._lost += len(self._waiting)
+        self.write(LAST_WAIT_SECONDS)
+        self._dropped += len(self._waiting)
         self._waiting.clear()
-        return self._lost + self._store.refused_rows
-
-
-def _bytes_of(row: Row) -> int:
-    return sys.getsizeof(row) + sum(map(sys.getsizeof, row))
+        self._store.close()
+        return self._dropped
 
 
 class RecordReadingsNode(Node):
-    """Takes readings, and lets a thread write them twice a second."""
+    """Takes readings, and writes them twice a second."""
 
     def __init__(self) -> None:
         """Open the file and subscribe; raises StartUpError."""
@@ -152,15 +119,14 @@ class RecordReadingsNode(Node):
         self._places_m = find_places(settings.tag_file)
         self._has_places = bool(settings.tag_file)
         self._refused = 0
-        store = open_store(settings.file, warn=self.get_logger().warning)
-        self._writer = BufferedWriter(store, self.get_logger())
+        self._buffer = Buffer(Store(settings.file), self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         if not self._has_places:
             self._bridge: Client[Any, Any]
             self._bridge = self.create_client(GetParameters, parameter_service_of(DEFAULT_SERVICE))
             self._request: Future[GetParameters.Response] | None = None
             self._timer = steady_timer(self, ASK_EVERY_SECONDS, self._ask_for_tag_file)
-        self._writer.start()
+        steady_timer(self, WRITE_EVERY_SECONDS, self._buffer.write)
         file = Path(settings.file).resolve()
         self.get_logger().info(f'ready: readings from {", ".join(topics)} into {file}')
 
@@ -169,7 +135,7 @@ class RecordReadingsNode(Node):
             self._has_places = True  # say it once
             self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
-        self._writer.add(row for row in rows if not fault_of(row))  # others would make the file unreadable
+        self._buffer.add([row for row in rows if not fault_of(row)])  # others would make the file unreadable
         if faults := list(filter(None, map(fault_of, rows))):
             self._refused += len(faults)
             self.get_logger().warning(
@@ -203,14 +169,9 @@ class RecordReadingsNode(Node):
         take_what_has_arrived(self)
         if self._refused:
             self.get_logger().warning(f'{pluralized(self._refused, "row")} refused: a number cannot be right')
-        if lost := self._writer.end():
+        if lost := self._buffer.end():
             self.get_logger().error(f'{pluralized(lost, "row")} lost')
         return 1 if lost else 0
-
-    def destroy_node(self) -> None:
-        """End the thread, also of a node that nobody has ended."""
-        self._writer.end()
-        super().destroy_node()
 
 
 def main(args: list[str] | None = None) -> int:

@@ -3,15 +3,23 @@
 
 import csv
 import math
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
+from lupin_greenhouse_bridge.display.report_line import Observation, parse_report
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
+from lupin_greenhouse_bridge.recording.store import SQLITE_HEAD, ReadingFileError, read_rows
+from lupin_greenhouse_bridge.simulator.layout import (
+    Layout,
+    Tag,
+    find_layout,
+    find_places,
+    natural_order,
+    require_layout,
+)
 
 MOST_ROUNDING_M = 0.01  # between the positions of one tag in the file and in its layout
 # A mission keeps these files beside its report NAME.jsonl, each for the option that names another one.
@@ -44,19 +52,35 @@ class Recording(NamedTuple):
 
 def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
     """
-    Return the contents of a report, or of a file that read_rows() takes, whose errors it raises.
+    Return the contents of a report, or of a file of record_readings; raises ReadingFileError.
 
     A row without a position gets the position of its tag in `tag_file`, or in the shipped layout for ''.
+    Raises StartUpError for a bad tag_file.
     """
     path = Path(path)
     try:
-        if not (path.is_file() and has_report(path)):
-            return ReadingFile(read_rows(path, tag_file), [])
+        with path.open('rb') as file:
+            is_database = file.read(len(SQLITE_HEAD)) == SQLITE_HEAD
+        if is_database:
+            return ReadingFile(_with_places(read_rows(path), tag_file), [])
         visits, _ = parse_report(path.read_bytes())
     except (OSError, ValueError) as error:
         raise ReadingFileError(path, error) from error
     rows = [row for each in visits if each.reading for row in each.reading.rows]
-    return ReadingFile(with_places(rows, tag_file), visits)
+    return ReadingFile(_with_places(sorted(rows, key=attrgetter('stamp_ns')), tag_file), visits)
+
+
+def _with_places(rows: list[Row], tag_file: str) -> list[Row]:
+    """Return the rows with the positions of their tags where they lack one."""
+    if all(row.x_m is not None for row in rows):
+        return rows
+    places_m = find_places(tag_file)
+    return [
+        row._replace(x_m=place_m[0], y_m=place_m[1])
+        if row.x_m is None and (place_m := places_m.get(row.tag_id))
+        else row
+        for row in rows
+    ]
 
 
 def read_recording(

@@ -5,12 +5,11 @@ import json
 import math
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 
-from lupin_greenhouse_bridge.recording.rows import Row, WrongValueError, fault_of, make_rows
+from lupin_greenhouse_bridge.recording.rows import Row, fault_of, make_rows
 
 SOURCE = 'mission report'
-_START = b'{"tag_id": '  # of each line
+_START = b'{"tag_id"'  # of each line, also of what a killed mission left of one
 # int() raises OverflowError for 1e999.
 _NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
 _FAULTS: dict[type[Exception], str] = {  # of those whose own words only Python's users know
@@ -116,20 +115,9 @@ class Observation:
             reason = next((text for kind, text in _FAULTS.items() if isinstance(error, kind)), '{}')
             raise ValueError(f'is not an observation ({reason.format(error)})') from error
         if reading and reading.fault:
-            raise WrongValueError(f'has a wrong value: {reading.fault}')
+            raise ValueError(f'has a wrong value: {reading.fault}')
         place = (goal[0], goal[1]) if goal else None
         return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive, place)
-
-
-def has_report(path: Path) -> bool:
-    """Return whether a file starts as a report does; raises OSError."""
-    with path.open('rb') as file:
-        return _is_start_of_line(file.read(len(_START)))
-
-
-def _is_start_of_line(content: bytes) -> bool:
-    """Return whether a line can begin so, or what a killed mission left of it."""
-    return bool(content) and content[: len(_START)] == _START[: len(content)]
 
 
 def parse_report(content: bytes) -> tuple[list[Observation], int]:
@@ -144,7 +132,7 @@ def parse_report(content: bytes) -> tuple[list[Observation], int]:
             observations.append(Observation.from_line(line))
         except ValueError as error:
             is_torn = isinstance(error.__cause__, (json.JSONDecodeError, UnicodeDecodeError))
-            if is_torn and not line.endswith(b'\n') and _is_start_of_line(line):
+            if is_torn and not line.endswith(b'\n') and _START.startswith(line[: len(_START)]):
                 return observations, len(content) - len(line)
-            raise type(error)(f'line {number} {error}') from error
+            raise ValueError(f'line {number} {error}') from error
     return observations, len(content)

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
     from lupin_greenhouse_bridge.interfaces import TagReading
 
 LATEST_STAMP_NS = 2**63 - 1  # the largest integer of SQLite: the year 2262
-FORMULAS = ('=', '+', '-', '@', '\t', '\r', "'")  # a text cell that starts so gets an apostrophe before it
 SURROGATES = re.compile('[\ud800-\udfff]')  # stand for bytes that are not UTF-8
-
-
-class WrongValueError(ValueError):
-    """A value in a file is wrong: which one, where, and what would be right."""
 
 
 class Row(NamedTuple):
@@ -96,31 +91,27 @@ def last_reading_of_each_tag(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
 
 def fault_of(row: Row) -> str:
     """Return which value of a row from outside is wrong, and what would be right; '' if the row is good."""
-    for name, value in row._asdict().items():
-        if name == 'stamp_ns':
-            is_right = isinstance(value, int) and 0 <= value <= LATEST_STAMP_NS
-            wanted = f'from 0 to {LATEST_STAMP_NS}, in nanoseconds since 1970'
-        elif name in NUMBERS:
-            is_right = (isinstance(value, float) and math.isfinite(value)) or (
-                value is None and name in PLACE
-            )
-            wanted = 'a finite number'
-        else:
-            is_right = isinstance(value, str) and not SURROGATES.search(value)
-            wanted = "text in UTF-8 (save a spreadsheet as 'CSV UTF-8')"
-        if not is_right:
-            return f'{name} of {row.sensor} is {escaped(repr(value), 60)}: must be {wanted}'
+    if not (isinstance(row.stamp_ns, int) and 0 <= row.stamp_ns <= LATEST_STAMP_NS):
+        return _fault(row, 'stamp_ns', f'from 0 to {LATEST_STAMP_NS}, in nanoseconds since 1970')
+    for name in NUMBERS:
+        number = getattr(row, name)
+        is_finite = isinstance(number, float) and math.isfinite(number)
+        if not (is_finite or (number is None and name in PLACE)):
+            return _fault(row, name, 'a finite number')
+    for name in TEXTS:
+        text = getattr(row, name)
+        if not isinstance(text, str) or SURROGATES.search(text):
+            return _fault(row, name, 'text in UTF-8')
     return ''
+
+
+def _fault(row: Row, name: str, wanted: str) -> str:
+    return f'{name} of {row.sensor} is {escaped(repr(getattr(row, name)), 60)}: must be {wanted}'
 
 
 def csv_text(rows: Iterable[Row]) -> str:
     r"""Return rows as lines of CSV that end in \n, without the header."""
     lines: list[str] = []
     # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
-    csv.writer(SimpleNamespace(write=lines.append)).writerows(map(_escaped, row) for row in rows)
+    csv.writer(SimpleNamespace(write=lines.append)).writerows(rows)
     return ''.join(f'{line[:-2]}\n' for line in lines)
-
-
-def _escaped(cell: object) -> object:
-    """Return a cell that no spreadsheet takes for a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULAS) else cell

@@ -1,7 +1,6 @@
 """record_readings: what it receives, what it keeps, and what it says when it cannot."""
 
 import contextlib
-import threading
 from itertools import count
 from types import SimpleNamespace
 
@@ -10,10 +9,9 @@ import rclpy
 from conftest import SPINS, reading_of
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording import record_readings, subscription
-from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.record_readings import BufferedWriter
-from lupin_greenhouse_bridge.recording.rows import HEADER, rows_of
-from lupin_greenhouse_bridge.recording.store import StoreError
+from lupin_greenhouse_bridge.recording.record_readings import Buffer
+from lupin_greenhouse_bridge.recording.rows import rows_of
+from lupin_greenhouse_bridge.recording.store import Store, StoreError, read_rows
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RcutilsLogger
 from lupin_greenhouse_bridge.testing._helpers import (
@@ -27,50 +25,34 @@ from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from test_store import STAMP_NS, row, rows
+from test_store import row, rows
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 TOPIC = '/tested/readings'
 
 
 class Disk:
-    """A store in memory, whose disk is full or whose file is locked while the test says so."""
-
-    refused_rows = 0
+    """A store in memory, whose disk is full while the test says so."""
 
     def __init__(self):
         self.rows, self.is_full = [], False
-        self.is_asked, self.is_free = threading.Event(), threading.Event()
-        self.is_free.set()
 
-    def keep(self, rows):
-        self.is_asked.set()
-        assert self.is_free.wait(PATIENCE_SECONDS)
+    def keep(self, rows, _wait_seconds):
         if self.is_full:
-            raise StoreError("file 'x.csv': No space left on device")
+            raise StoreError("file 'x.sqlite': database or disk is full")
         self.rows += rows
         return len(rows)
+
+    def close(self):
+        pass
 
 
 @pytest.fixture
 def kept():
-    """Return a writer with its disk, its log and its clock. Its thread writes if the test starts it."""
-    disk, log, clock = Disk(), SimpleNamespace(infos=[], warnings=[], errors=[]), ManualClock()
-    logger = SimpleNamespace(info=log.infos.append, warning=log.warnings.append, error=log.errors.append)
-    return SimpleNamespace(writer=BufferedWriter(disk, logger, clock), disk=disk, log=log, clock=clock)
-
-
-def test_rows_that_arrive_while_the_file_is_locked_wait_for_nobody_and_are_written(kept):
-    kept.disk.is_free.clear()
-    kept.writer.start()
-    kept.writer.add([row(0)])
-    assert kept.disk.is_asked.wait(PATIENCE_SECONDS)
-    kept.writer.add(rows(1, 1000))
-    assert kept.disk.rows == []
-    kept.disk.is_free.set()
-    assert kept.writer.end() == 0
-    assert kept.disk.rows == rows(1000)
-    assert kept.log.infos == ['1 row kept', '1000 rows kept']
+    """Return a buffer with its disk, its log and its clock."""
+    disk, log, clock = Disk(), SimpleNamespace(infos=[], errors=[]), ManualClock()
+    logger = SimpleNamespace(info=log.infos.append, error=log.errors.append)
+    return SimpleNamespace(buffer=Buffer(disk, logger, clock), disk=disk, log=log, clock=clock)
 
 
 def test_a_full_disk_is_one_error_every_ten_seconds_and_its_rows_are_written_later_or_lost_at_the_end(kept):
@@ -78,41 +60,34 @@ def test_a_full_disk_is_one_error_every_ten_seconds_and_its_rows_are_written_lat
     said = []
     for seconds in (0.0, 0.5, 9.4, 0.1, 9.9, 0.1):
         kept.clock.pass_seconds(seconds)
-        kept.writer.add([row(len(said))])
-        kept.writer.write()
+        kept.buffer.add([row(len(said))])
+        kept.buffer.write()
         said.append(len(kept.log.errors))
     assert said == [1, 1, 1, 2, 2, 3]
-    full = "file 'x.csv': No space left on device"
-    assert kept.log.errors[0] == f'{full}: 1 row waiting in memory, 0 dropped'
-    assert kept.log.errors[-1] == f'{full}: 6 rows waiting in memory, 0 dropped'
+    assert kept.log.errors[0].endswith('disk is full: 1 row waiting in memory, 0 dropped')
+    assert kept.log.errors[-1].endswith('disk is full: 6 rows waiting in memory, 0 dropped')
     kept.disk.is_full = False
-    kept.writer.write()
-    assert kept.disk.rows == rows(6)
-    assert (kept.log.infos, kept.log.warnings) == (['6 rows kept'], [])
+    kept.buffer.write()
+    assert (kept.disk.rows, kept.log.infos) == (rows(6), ['6 rows kept'])
     kept.disk.is_full = True
-    kept.writer.add([row()])
-    assert [kept.writer.end(), kept.writer.end()] == [1, 1]
+    kept.buffer.add([row()])
+    assert kept.buffer.end() == 1
     assert len(kept.log.errors) > 3  # also within the ten seconds
-    kept.disk.refused_rows = 2  # by the key of an older file
-    assert kept.writer.end() == 3
 
 
-@pytest.mark.parametrize(('fits', 'tag_id'), [(50, '7'), (6, 'x' * 10_000_000)], ids=['rows', 'bytes'])
-def test_so_much_waits_and_what_does_not_fit_is_counted_and_said(kept, monkeypatch, fits, tag_id):
-    assert (record_readings.MOST_ROWS, record_readings.MOST_BYTES) == (50_000, 64 * 2**20)
+def test_so_much_waits_and_what_does_not_fit_is_counted_and_said(kept, monkeypatch):
     monkeypatch.setattr(record_readings, 'MOST_ROWS', 50)
     kept.disk.is_full = True
-    kept.writer.add([row(number, tag_id=tag_id) for number in range(fits + 3)])
-    kept.writer.write()
-    assert kept.log.errors[-1].endswith(f': {fits} rows waiting in memory, 3 dropped')
+    for number in range(53):
+        kept.buffer.add([row(number)])
+    kept.buffer.write()
+    assert kept.log.errors[-1].endswith(': 50 rows waiting in memory, 3 dropped')
     kept.disk.is_full = False
-    kept.writer.write()
-    kept.writer.add([row(number, tag_id=tag_id) for number in range(fits, 2 * fits)])
-    kept.writer.write()
-    assert [each.stamp_ns - STAMP_NS for each in kept.disk.rows] == list(range(2 * fits))
-    assert kept.log.infos == [f'{fits} rows kept', f'{2 * fits} rows kept']
-    assert kept.log.warnings == ['3 rows dropped so far: the file could not be written for too long']
-    assert kept.writer.end() == 3
+    kept.buffer.write()
+    kept.buffer.add(rows(53, 60))
+    assert kept.buffer.end() == 3
+    assert kept.disk.rows == [*rows(50), *rows(53, 60)]
+    assert kept.log.infos == ['50 rows kept', '57 rows kept']
 
 
 def test_topics_are_a_text_or_an_array():
@@ -272,16 +247,16 @@ def test_a_killed_recorder_goes_on_and_keeps_nothing_twice(start_node, start_rec
 
 @pytest.mark.parametrize(('signals', 'lost'), [('Ctrl-C', 0), ('SIGTERM and Ctrl-C', 0), ('SIGTERM', 1)])
 def test_a_signal_writes_the_last_rows_or_is_exit_code_1(run_here, tmp_path, monkeypatch, signals, lost):
-    create, end = record_readings.subscribe_to_readings, BufferedWriter.end
+    create, end = record_readings.subscribe_to_readings, Buffer.end
 
     def receive_at_once(node, topics, on_reading):
         on_reading(reading(1), topics[0])
         return create(node, topics, on_reading)
 
     monkeypatch.setattr(record_readings, 'subscribe_to_readings', receive_at_once)
-    monkeypatch.setattr(BufferedWriter, 'end', lambda writer: end(writer) + lost)
-    file = tmp_path / 'readings.csv'
-    file.write_text(f'{HEADER}\n1795')
+    monkeypatch.setattr(Buffer, 'end', lambda buffer: end(buffer) + lost)
+    file = tmp_path / 'readings.sqlite'
+    Store(str(file)).close()
     arguments = ['--ros-args', '-p', f'file:={file}']
     ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS[signals]})
     assert (ended.code, '2 rows kept' in ended.err, '1 row lost' in ended.err) == (lost, True, bool(lost))
@@ -289,7 +264,7 @@ def test_a_signal_writes_the_last_rows_or_is_exit_code_1(run_here, tmp_path, mon
 
 
 def test_a_short_parameter_with_a_wrong_letter_is_recognized(run_here):
-    ended = run_here(record_readings.main, '--ros-args', '-p', 'fike:=r.csv', '-p', 'tag_file:=/no/tags.json')
+    ended = run_here(record_readings.main, '--ros-args', '-p', 'fike:=r.db', '-p', 'tag_file:=/no/tags.json')
     assert 'parameter fike is unknown and ignored: did you mean file?' in ended.err
 
 
