@@ -250,6 +250,32 @@ def test_the_reading_that_arrived_last_is_shown_with_its_age_since_then(start_he
     viewer.wait_for('co2 500 ppm')
 
 
+def test_a_field_of_too_many_cells_is_not_drawn_as_markers_and_the_caption_claims_none(
+    start_here, robot, viewer, warm_tag_id, monkeypatch, capfd
+):
+    monkeypatch.setattr(show_readings, 'MOST_CELLS_MARKED', 10)
+    start_here()
+    Publisher(robot, reading_of(warm_tag_id, temperature=7.5))
+    viewer.wait_for('temperature 7.5 deg C')
+    (caption,) = texts(viewer.markers[-1], FIELD_NAMESPACE)
+    assert 'field' not in caption
+    assert of_namespace(viewer.markers[-1], 'field') == []
+    wait_until(lambda: 25 in viewer.fields[-1].data)
+    assert capfd.readouterr().err.count('more than the 10 that markers can show') == 1
+
+
+def test_readings_reach_only_the_cells_around_them():
+    """The same as of each reading alone, because their reaches do not touch."""
+    grid = FieldGrid(0.0, 0.0, 0.1, 100, 100)
+    samples = [(x + 0.5, y + 0.5, float(x * y)) for x in range(10) for y in range(10)]
+    values = interpolate(grid, samples, radius_m=0.3)
+    for x, y, value in samples:
+        alone = interpolate(grid, [(x, y, value)], radius_m=0.3)
+        assert values[~np.isnan(alone)] == pytest.approx(value)
+        assert alone[int(y * 10), int(x * 10)] == pytest.approx(value)
+    assert np.isnan(values[::10, ::10]).all()
+
+
 def test_an_unknown_tag_and_an_infinite_value_change_no_other(start_here, robot, viewer, shipped_tags, capfd):
     start_here(radius_m=0.01)
     first, second = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:2]

@@ -49,14 +49,12 @@ def asked(sightings, now, *seen) -> list[str]:
     return tag_ids
 
 
-def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
+def test_one_request_is_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
     tag_ids, done = [str(number) for number in range(30)], []
     while len(done) < len(tag_ids):
-        batch = asked(sightings, 0.0, *tag_ids)
-        assert len(batch) == min(4, len(tag_ids) - len(done))
-        for tag_id in batch:
-            sightings.answered(tag_id, 0.0)
-        done += batch
+        (tag_id,) = asked(sightings, 0.0, *tag_ids)
+        sightings.answered(tag_id, 0.0)
+        done.append(tag_id)
     assert done == tag_ids
 
 
@@ -269,28 +267,45 @@ def test_two_servers_of_the_service_are_named_once_by_any_name(held_service, sta
             assert duplicate_server_warning(reader.node, name).startswith(named)
 
 
-def test_a_late_reply_is_dropped_and_a_tag_without_any_is_said(held_service, start_reader):
+def test_a_late_reply_counts_if_its_request_is_the_last_for_its_tag(held_service, start_reader):
     reader = start_reader(max_attempts=2)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests)
     reader.look(2.0)
     assert 'no reply' not in reader.log()
-    held_service.reply(2)
+    held_service.reply(2)  # to both requests
     wait_until(lambda: reader.readings)
     reader.camera.look_at(7, 8)
+    wait_until(lambda: held_service.requests == ['7', '7', '8'])
+    reader.camera.look_at()
+    reader.look(3.0)  # the tag has left the view, and its request is over
     held_service.reply()
     wait_until(lambda: len(reader.readings) >= 2)
-    assert held_service.requests == ['7', '7', '8']
-    assert tag_ids_of(reader.readings) == ['7', '8']
     assert [each.sim_time_of_day_seconds for each in reader.readings] == [2.0, 3.0]
+    assert tag_ids_of(reader.readings) == ['7', '8']
+
+
+def test_a_tag_without_any_reply_is_said_and_its_request_forgotten(held_service, start_reader):
+    reader = start_reader(max_attempts=2)
     reader.camera.look_at(9)
-    wait_until(lambda: '9' in held_service.requests)
-    reader.look(2.0)
-    wait_until(lambda: reader.node._futures)
-    (last,) = reader.node._futures.values()
-    reader.clock.pass_seconds(2.0)
+    wait_until(lambda: held_service.requests)
+    for _ in range(2):
+        reader.look(2.0)
     wait_until(lambda: f"tag '9': no reply from {held_service.name}" in reader.log())
-    assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
+    reader.camera.look_at()
+    reader.look(4.0)
+    assert not pending_requests(reader.node._client)  # rclpy would keep them for ever
+
+
+def test_every_tag_is_read_of_a_bridge_that_takes_almost_the_timeout(held_service, start_reader):
+    reader = start_reader()
+    reader.camera.look_at(*range(5))
+    for count in range(1, 6):
+        wait_until(lambda: len(held_service.requests) == count)  # noqa: B023 (it is called at once)
+        reader.look(1.5)
+        held_service.reply()
+    wait_until(lambda: len(reader.readings) == 5)
+    assert sorted(held_service.requests) == sorted(tag_ids_of(reader.readings)) == list('01234')
 
 
 def test_a_reply_to_a_request_that_is_given_up_is_ignored(held_service, start_reader, monkeypatch):

@@ -104,6 +104,12 @@ class ShowReadingsNode(Node):
             )
         self._tags, self._layout_in_map = layout.tags, in_map
         self._scene = Scene(layout, walls, in_map, self._range)
+        self._is_field_marked = grid.columns * grid.rows <= MOST_CELLS_MARKED
+        if not self._is_field_marked:
+            self.get_logger().warning(
+                f'the field has {grid.columns} x {grid.rows} cells, more than the {MOST_CELLS_MARKED} that'
+                ' markers can show: only ~/field has it; for markers, set a larger resolution_m'
+            )
         self._received: dict[str, tuple[TagReading, float]] = {}  # the last of each tag, and when it arrived
         self._extremes: list[float] = []  # of all readings so far: the colours do not flicker
         self._cells: array.array[int] | None = None  # of the field; None if a reading has arrived since
@@ -148,7 +154,7 @@ class ShowReadingsNode(Node):
         self._scene.scale = self._range._replace(limits=colour_limits(self._extremes, self._range.limits))
         field = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
         self._cells = array.array('b', scaled(field, *self._range.limits).tobytes())
-        if field.size <= MOST_CELLS_MARKED:
+        if self._is_field_marked:
             self._field_marker = field_marker(self._grid, field, self._scene.scale, self._layout_in_map)
 
     def _samples(self) -> dict[str, tuple[float, float, float]]:
@@ -166,8 +172,10 @@ class ShowReadingsNode(Node):
         lines = [f'{label_of(sensor)}: colours from {lowest:g} to {highest:g}']
         values = {tag_id: value for tag_id, (*_, value) in samples.items()}
         lines += [text for text, _ in extremes_of(sensor, values)]
-        lines.append(f'field: interpolated from {pluralized(len(samples), "received reading")},')
-        return '\n'.join([*lines, 'not from the model of the simulator'])
+        if self._is_field_marked:
+            lines.append(f'field: interpolated from {pluralized(len(samples), "received reading")},')
+            lines.append('not from the model of the simulator')
+        return '\n'.join(lines)
 
 
 def _colour_range_of(settings: Settings) -> tuple[float, float]:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 # One family under two names: apriltag_ros uses the first, apriltag_detector the second.
 FAMILIES = ('tag36h11', 'tf36h11')
-MOST_IN_FLIGHT = 4
 
 
 def detection_messages() -> ModuleType:
@@ -39,10 +38,11 @@ class Sightings:
     """
     Keeps the tags in view and the pending requests. All times are seconds of one steady clock.
 
-    Each tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at
-    any time. A request that times out is repeated while the tag is in view, up to the number of attempts.
-    After the last attempt, the tag is not requested for as long as these attempts may take, but at most for
-    the cooldown. A tag is in view until the detector has not seen it for longer than a timeout.
+    Each tag is requested once per cooldown, which starts with the reply. One request is pending at any time,
+    because a bridge handles one after the other. A request that times out is repeated while the tag is in
+    view, up to the number of attempts. After the last attempt, the tag is not requested for as long as these
+    attempts may take, but at most for the cooldown. A tag is in view until the detector has not seen it for
+    longer than a timeout.
     """
 
     def __init__(self, settings: 'Settings') -> None:
@@ -57,9 +57,9 @@ class Sightings:
             self._tags.setdefault(tag_id, _Sighting(now)).seen_at = now
 
     def next(self) -> str | None:
-        """Return the tag to request now; None if there is none, or if enough requests are pending."""
+        """Return the tag to request now; None if there is none, or if a request is pending."""
         waiting = [tag_id for tag_id, each in self._tags.items() if each.sent_at is None]
-        return waiting[0] if waiting and len(self._tags) - len(waiting) < MOST_IN_FLIGHT else None
+        return waiting[0] if waiting and len(waiting) == len(self._tags) else None
 
     def asked(self, tag_id: str, now: float) -> None:
         """Note that the request for a tag was sent."""
@@ -67,8 +67,8 @@ class Sightings:
         self._tags[tag_id].attempts += 1
 
     def answered(self, tag_id: str, now: float) -> None:
-        """Note that a reply arrived for a tag, with any status."""
-        del self._tags[tag_id]
+        """Note that a reply arrived for a tag, with any status and perhaps late."""
+        self._tags.pop(tag_id, None)
         self._cool_at[tag_id] = now + self._settings.cooldown_seconds
 
     def timed_out(self, tag_id: str, now: float) -> bool:
@@ -76,8 +76,7 @@ class Sightings:
         settings, sighting = self._settings, self._tags.pop(tag_id)
         if sighting.attempts >= settings.max_attempts:
             # The bridge may return long before a whole cooldown would end.
-            pause_seconds = settings.max_attempts * settings.request_timeout_seconds
-            self._cool_at[tag_id] = now + min(settings.cooldown_seconds, pause_seconds)
+            self._cool_at[tag_id] = now + min(settings.cooldown_seconds, settings.patience_seconds)
             return False
         if not self._is_in_view(sighting, now):
             return False

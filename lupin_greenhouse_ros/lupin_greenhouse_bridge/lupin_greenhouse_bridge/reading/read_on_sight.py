@@ -67,6 +67,11 @@ class Settings:
             accepted = "a text with {id} once, like 'tag_{id}' or '{id:03d}'"
             raise invalid('tag_id_format', self.tag_id_format, accepted)
 
+    @property
+    def patience_seconds(self) -> float:
+        """How long all attempts for a tag may take, and how late a reply may come."""
+        return self.max_attempts * self.request_timeout_seconds
+
     def tag_id(self, number: int) -> str:
         """Return the tag id of a tag with this number."""
         return self.tag_id_format.format(id=number)
@@ -80,7 +85,8 @@ class ReadOnSightNode(Node):
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         self._sightings = Sightings(settings)
-        self._futures: dict[str, Future[GetTagReading.Response]] = {}  # by tag id
+        # The last request for each tag, and when it was sent. Its reply counts, also a late one.
+        self._requests: dict[str, tuple[Future[GetTagReading.Response], float]] = {}
         self._logged: set[tuple[str, str]] = set()  # tag ids with the status that was logged
         self._has_warned_of_family = False
         self._no_service_since_s: float | None = None
@@ -114,16 +120,24 @@ class ReadOnSightNode(Node):
         self._send()
 
     def _look(self) -> None:
-        """Give up requests after their timeout, and send the next ones."""
-        self._sightings.forget(time.monotonic())
-        for tag_id in self._sightings.overdue(time.monotonic()):
-            self._client.remove_pending_request(self._futures.pop(tag_id))
-            if not self._sightings.timed_out(tag_id, time.monotonic()):
+        """Wait no longer for requests after their timeout, and send the next one."""
+        now = time.monotonic()
+        self._sightings.forget(now)
+        for tag_id in self._sightings.overdue(now):
+            if not self._sightings.timed_out(tag_id, now):
                 self.get_logger().warning(
                     f"tag '{escaped(tag_id, 64)}': no reply from {self._client.srv_name}",
                     throttle_duration_sec=LOG_EVERY_SECONDS,
                 )
+        for tag_id, (_, sent_at) in list(self._requests.items()):
+            if now - sent_at >= self._settings.patience_seconds:
+                self._give_up(tag_id)
         self._send()
+
+    def _give_up(self, tag_id: str) -> None:
+        """Ignore the reply to the last request for a tag, if any."""
+        if tag_id in self._requests:
+            self._client.remove_pending_request(self._requests.pop(tag_id)[0])
 
     def _send(self) -> None:
         if not self._client.service_is_ready():
@@ -132,12 +146,13 @@ class ReadOnSightNode(Node):
         if self._has_warned_of_no_service:
             self.get_logger().info(f'{self._client.srv_name} is available now')
         self._no_service_since_s, self._has_warned_of_no_service = None, False
-        while (tag_id := self._sightings.next()) is not None:
+        if (tag_id := self._sightings.next()) is not None:
             self._warn_of_two_servers()
             sent_at = time.monotonic()
             future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))  # raises if ROS refuses it
             self._sightings.asked(tag_id, sent_at)
-            self._futures[tag_id] = future
+            self._give_up(tag_id)
+            self._requests[tag_id] = future, sent_at
             future.add_done_callback(partial(self._on_reply, tag_id))
 
     def _warn_of_no_service(self) -> None:
@@ -161,10 +176,11 @@ class ReadOnSightNode(Node):
                 self.get_logger().warning(warning)
 
     def _on_reply(self, tag_id: str, future: 'Future[GetTagReading.Response]') -> None:
-        if self._futures.get(tag_id) is not future:  # given up before the executor came to this task
-            return
-        del self._futures[tag_id]
+        if tag_id not in self._requests or self._requests[tag_id][0] is not future:
+            return  # given up before the executor came to this task
+        del self._requests[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
+        self._send()
         answer = answer_of(tag_id, future.result())
         if answer.reading is not None:
             self._readings.publish(answer.reading)

@@ -84,14 +84,18 @@ def interpolate(grid: FieldGrid, samples: list[tuple[float, float, float]], radi
     weight of a sample is zero, so that the field has no steps. In its own cell, a sample has all the weight.
     """
     xs = grid.x + (np.arange(grid.columns) + 0.5) * grid.resolution_m
-    ys = grid.y + (np.arange(grid.rows) + 0.5)[:, np.newaxis] * grid.resolution_m
+    ys = grid.y + (np.arange(grid.rows) + 0.5) * grid.resolution_m
     to_corner_m = grid.resolution_m / math.sqrt(2)  # from the centre of a cell
+    reach_m = radius_m + to_corner_m
     weights, sums = np.zeros((2, grid.rows, grid.columns))
     for x, y, value in samples:
-        distances_m = np.maximum(np.hypot(xs - x, ys - y) - to_corner_m, NEAREST_M)
+        rows = slice(*np.searchsorted(ys, (y - reach_m, y + reach_m)))
+        columns = slice(*np.searchsorted(xs, (x - reach_m, x + reach_m)))
+        centres_m = np.hypot(xs[columns] - x, ys[rows, np.newaxis] - y)
+        distances_m = np.maximum(centres_m - to_corner_m, NEAREST_M)
         weight = (np.maximum(radius_m - distances_m, 0.0) / (radius_m * distances_m)) ** 2
-        weights += weight
-        sums += weight * value
+        weights[rows, columns] += weight
+        sums[rows, columns] += weight * value
     return np.divide(sums, weights, out=np.full_like(sums, np.nan), where=weights > 0.0)
 
 
