@@ -31,7 +31,7 @@ MESSAGES = 'lupin_msgs'  # the message package in the core
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
 COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}\n')
 COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->\n')
-COMMENTS |= {'.js': '// {}\n', '.rst': '.. {}\n\n'}
+COMMENTS |= {'.css': '/* {} */\n', '.js': '// {}\n', '.rst': '.. {}\n\n'}
 FIRST_LINES = re.compile(
     rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
 )

@@ -219,11 +219,11 @@ LATEST = 'must be from 0 to 9223372036854775807, in nanoseconds since 1970'
         ('tag_id', b'7', "tag_id of co2 is b'7': must be text in UTF-8"),
     ],
 )
-def test_a_wrong_value_is_named_with_its_row_and_what_would_be_right(database, column, value, fault):
+def test_a_wrong_value_is_named_with_what_would_be_right(database, column, value, fault):
     Store(str(database)).keep([row(), row(1)._replace(**{column: value})])
     with pytest.raises(ReadingFileError) as raised:
         read_file(database)
-    assert str(raised.value).startswith(f"'{database}': row 2: {fault}: name")
+    assert str(raised.value).startswith(f"'{database}': {fault}: name")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version='2.0.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={f'{package_name}.display': ['*.html', '*.js'], f'{package_name}.testing': ['*.xml']},
+    package_data={f'{package_name}.display': ['page/*'], f'{package_name}.testing': ['*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -12,6 +12,7 @@ import html
 import itertools
 import json
 import math
+import re
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -57,8 +58,8 @@ DAY_SECONDS = 86_400
 ARROW_EVERY_M, SHORTEST_LEG_M = 5.0, 0.25  # of a route: a leg that is shorter has no arrow
 NS_PER_MS = 1_000_000
 TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
-TEMPLATE = Path(__file__).with_suffix('.html')
-SCRIPT = Path(__file__).with_suffix('.js')
+PAGE = Path(__file__).parent / 'page'
+SCRIPTS = 'data', 'drawing', 'labels', 'choice', 'map', 'table', 'charts', 'page'  # each uses those before it
 MARK = b'<meta name="generator" content="readings_page">'  # in the head of each page
 Limits = dict[str, tuple[float, float]]  # the values at the ends of the colours, by sensor
 
@@ -152,14 +153,22 @@ def _limits_of(recording: Recording, wanted: Sequence[str] = ()) -> Limits:
 
 def fill(recording: Recording, limits: Limits) -> str:
     """Return the page. No text in a file can close the element with the data, or run as a script."""
-    script, data = SCRIPT.read_text(encoding='utf-8'), data_of(recording, limits)
+    script, data = _script(), data_of(recording, limits)
     text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
-    return Template(TEMPLATE.read_text(encoding='utf-8')).substitute(
+    return Template((PAGE / 'page.html').read_text(encoding='utf-8')).substitute(
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=html.escape(data['title']),
+        style=(PAGE / 'page.css').read_text(encoding='utf-8'),
         data=text.replace('<', '\\u003c'),
         script=script,
     )
+
+
+def _script() -> str:
+    """Return the modules of the page as one script: no page can import from a file."""
+    modules = [(PAGE / f'{name}.js').read_text(encoding='utf-8') for name in SCRIPTS]
+    code = re.sub(r'^(import [^;]*;\n|export )', '', ''.join(modules), flags=re.MULTILINE)
+    return f"'use strict';\n{code}"
 
 
 def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:

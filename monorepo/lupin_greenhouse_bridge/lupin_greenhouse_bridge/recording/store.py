@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, reason_of
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, fault_of
+from lupin_greenhouse_bridge.recording.rows import HEADER, NUMBERS, TEXTS, Row, fault_of
 
 ENDINGS = ('.sqlite', '.db')
 SQLITE_HEAD = b'SQLite format 3\0'
@@ -33,6 +33,15 @@ CREATE TABLE readings (
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no user text)
 _SELECT = f'SELECT {HEADER} FROM readings ORDER BY stamp_ns'  # noqa: S608 (no user text)
+# SQLite keeps values of any type, also in a file of ours that another program has changed.
+_IS_WRONG = ' OR '.join(
+    [
+        "typeof(stamp_ns) <> 'integer' OR stamp_ns < 0",
+        *(f"typeof({name}) <> 'text'" for name in TEXTS),
+        *(f"typeof({name}) NOT IN ('real', 'null') OR abs({name}) = 9e999" for name in NUMBERS),
+    ]
+)
+_SELECT_WRONG = f'SELECT {HEADER} FROM readings WHERE {_IS_WRONG} LIMIT 1'  # noqa: S608 (no user text)
 Identity = tuple[int, int]  # device and inode
 
 
@@ -135,10 +144,8 @@ def read_rows(path: Path | str) -> list[Row]:
         # Writable: of a recorder that was killed in the middle of a commit, SQLite first restores the file.
         address = f'{path.resolve(strict=True).as_uri()}?mode=rw'
         with contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
-            rows = [Row(*values) for values in connection.execute(_SELECT)]
-        for number, row in enumerate(rows, start=1):
-            if fault := fault_of(row):  # SQLite keeps values of any type
-                raise ValueError(f'row {number}: {fault}')
+            if wrong := connection.execute(_SELECT_WRONG).fetchone():
+                raise ValueError(fault_of(Row(*wrong)))
+            return [Row(*values) for values in connection.execute(_SELECT)]
     except (OSError, sqlite3.Error, ValueError) as error:
         raise ReadingFileError(path, error) from error
-    return rows
