@@ -32,7 +32,7 @@ CREATE TABLE readings (
 )"""
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no user text)
-_SELECT = f'SELECT {HEADER} FROM readings ORDER BY stamp_ns'  # noqa: S608 (no user text)
+_SELECT = f'SELECT {HEADER} FROM readings ORDER BY stamp_ns, rowid'  # noqa: S608 (no user text)
 # SQLite keeps values of any type, also in a file of ours that another program has changed.
 _IS_WRONG = ' OR '.join(
     [
