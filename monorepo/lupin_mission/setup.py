@@ -22,10 +22,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
-            'mission_node = lupin_mission.executables:mission_orchestrator',
-            'passive_observer = lupin_mission.executables:passive_observer',
-            'register_discovered_tags = lupin_mission.executables:register_discovered_tags',
+            'mission_orchestrator = lupin_mission.mission_orchestrator:main',
+            'mission_node = lupin_mission.mission_orchestrator:main',
+            'passive_observer = lupin_mission.passive_observer:main',
+            'register_discovered_tags = lupin_mission.register_discovered_tags:main',
         ],
     },
 )

@@ -20,10 +20,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'fake_camera = lupin_simulation.executables:fake_camera',
-            'fake_navigator = lupin_simulation.executables:fake_navigator',
-            'generate_world = lupin_simulation.executables:generate_world',
-            'inspection = lupin_simulation.executables:inspection',
+            'fake_camera = lupin_simulation.fake_camera:main',
+            'fake_navigator = lupin_simulation.fake_navigator:main',
+            'generate_world = lupin_simulation.generate_world:main',
+            'inspection = lupin_simulation.inspection:main',
         ],
     },
 )

@@ -23,7 +23,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'confirm_tag = lupin_tag_confirmation.executables:confirm_tag',
+            'confirm_tag = lupin_tag_confirmation.confirm_tag:main',
         ],
     },
 )

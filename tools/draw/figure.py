@@ -15,7 +15,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 from lupin_greenhouse_bridge.units import UNITS, clock_time, name_of, unit_of, value_text
 from matplotlib import pyplot
@@ -183,7 +183,7 @@ def letter_of(sensor: str) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Draw both pictures; return the exit code."""
     parser = Parser(prog='figure', description=(__doc__ or '').strip().splitlines()[0])
-    folder: dict[str, Any] = {'type': folder_type, 'default': COMMITTED, 'metavar': 'FOLDER'}
+    folder: dict[str, Any] = {'type': Path, 'default': COMMITTED, 'metavar': 'FOLDER'}
     parser.add_argument('--output', **folder, help='default: that of the documents')
     options = parser.parse_args(arguments)
     matplotlib.use('Agg')

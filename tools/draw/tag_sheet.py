@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
-from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type, number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_simulation.tag36h11 import MODULES, printed_marker
 from matplotlib import pyplot
@@ -86,7 +86,7 @@ def main(arguments: list[str] | None = None) -> int:
     side = number_type('a number in millimetres, such as 40', float)
     parser.add_argument('--side', type=side, default=100.0, metavar='MM', help='default: %(default)g')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
-    parser.add_argument('--output', type=folder_type, default=Path('.tags'), metavar='FOLDER')
+    parser.add_argument('--output', type=Path, default=Path('.tags'), metavar='FOLDER')
     options = parser.parse_args(arguments)
     largest = (PAGE_MM[0] - 2 * MARGIN_MM) * MODULES / (MODULES + 2)
     try:

@@ -2,7 +2,6 @@
 """The documents: their Python runs, each example of a format loads, and its table describes the code."""
 
 import contextlib
-import json
 import re
 import signal
 import sqlite3
@@ -30,11 +29,14 @@ from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import Store
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS
+from lupin_greenhouse_bridge.simulator.files import schema_of
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, wait_until
 from lupin_greenhouse_bridge.units import UNITS
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.context import Context
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -72,24 +74,20 @@ def test_the_tag_file_and_the_config_are_served(example, shipped_tags):
     assert read_colour_ranges(str(config)) == {'temperature': (0.0, 30.0)}
 
 
-def schema_of(name: str) -> dict:
-    return json.loads((PAGE.parents[1] / f'schema/{name}.schema.json').read_text(encoding='utf-8'))
-
-
-def test_the_schemas_and_the_page_name_every_sensor_and_the_defaults_that_the_bridge_warns_of():
+def test_the_schemas_and_the_page_name_every_sensor_and_the_defaults():
     tags = schema_of('tag_locations')['definitions']['tags']['additionalProperties']
-    assert tags['properties']['sensors']['items']['anyOf'][0]['enum'] == list(UNITS)
+    assert tags['properties']['sensors']['items']['examples'] == list(UNITS)
     config = schema_of('greenhouse_config')
     assert config['properties']['sensors']['propertyNames']['enum'] == list(UNITS)
     (on_page,) = [meaning for key, _, meaning in table('greenhouse_config.yaml', 3) if key == 'sensors']
     assert re.findall('`(.*?)`', on_page.partition(' a list')[0]) == list(UNITS)
     component = config['definitions']['component']['properties']
-    assert {key: value['default'] for key, value in component.items()} == COMPONENT_DEFAULTS
+    defaults = {key: value['default'] for key, value in component.items()}
     on_page = {}
     for keys, required, _ in table('greenhouse_config.yaml', 3):
         values = re.findall(r'[\w.]+|\[.*?\]', required.partition('default: ')[2].replace(' and ', ' '))
         on_page.update(zip(re.findall(r'\w+', keys), values, strict=False))
-    assert on_page == {key: str(value) for key, value in COMPONENT_DEFAULTS.items()}
+    assert on_page == {key: str(value) for key, value in defaults.items()}
 
 
 def test_the_table_of_readings_has_these_columns(tmp_path):
@@ -205,7 +203,8 @@ def start_check(run_nodes):
 
     def start(service_name: str, serve=lambda _node: None):
         check = example_of('clients.md')['VentilationCheck']
-        *_, node = run_nodes(check, arguments=['-r', f'{SERVICE}:={service_name}'])
+        # With a simulated clock that never comes.
+        *_, node = run_nodes(check, arguments=['-r', f'{SERVICE}:={service_name}'], use_sim_time=True)
         serve(node)
         client = node.create_client(Trigger, '/ventilation_check/has_enough_co2')
         assert client.wait_for_service(PATIENCE_SECONDS)
@@ -219,6 +218,26 @@ def test_the_example_replies_with_the_reading_or_that_none_came(start_check, noo
     reply = start_check(noon_bridge.service_name if is_served else '/nobody/get_tag_reading')
     assert reply.success == is_served
     assert re.fullmatch(r'\d{3} ppm' if is_served else 'the bridge did not reply', reply.message)
+
+
+@pytest.mark.parametrize('executor_type', [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_a_hundred_reads_one_after_another_come_back_in_any_executor(noon_bridge, executor_type):
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('many', context=context)
+    executor = executor_type(context=context)
+    executor.add_node(node)
+    client = example_of('clients.md')['ReadingClient'](node, noon_bridge.service_name)
+
+    async def read_all():
+        return [await client.read('1', attempts=1000) for _ in range(100)]
+
+    task = executor.create_task(read_all)
+    executor.spin_until_future_complete(task, PATIENCE_SECONDS)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+    assert [reply.status for reply in task.result()] == [GetTagReading.Response.STATUS_OK] * 100
 
 
 def test_the_example_asks_again_for_a_lost_reply(start_check):

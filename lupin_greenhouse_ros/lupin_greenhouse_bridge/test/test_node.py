@@ -11,9 +11,8 @@ from greenhouse_sim.simulator import GreenhouseSimulator
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.contract import SERVICE_QOS, tag_ids_of, tag_ids_request
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, info_of, info_request
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
-from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.settings import Settings
@@ -40,7 +39,7 @@ def test_every_parameter_is_described_and_read_only_and_a_number_has_its_range(r
     def ask(service_type, name, request):
         return call(node.create_client(service_type, f'/greenhouse_bridge/{name}'), request)
 
-    assert tag_ids_of(ask(GetParameters, 'get_parameters', tag_ids_request())) == list(shipped_tags)
+    assert info_of(ask(GetParameters, 'get_parameters', info_request())).tag_ids == list(shipped_tags)
     parameters = dataclasses.fields(Settings)
     names = [*(each.name for each in parameters), 'loaded_tag_ids']
     response = ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names))
@@ -212,27 +211,3 @@ def test_the_client_may_do_nothing_more(noon_bridge, read_tag_here, monkeypatch,
     wait_until(lambda: not what_has(graph, 'read_tag', '')['publish'])  # of the test before
     ended = read_tag_here(*arguments, '--watch', '1', '--service', noon_bridge.service_name)
     assert (ended.code, looks) == (0, [[]])
-
-
-@pytest.mark.parametrize(
-    ('keystore', 'fragment'),
-    [
-        ('', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'),
-        ('nowhere', 'security is enabled, but ROS_SECURITY_KEYSTORE is no folder: '),
-        # The Fast DDS of the wheels has no security; elsewhere the keys are missing.
-        ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
-    ],
-)
-def test_a_start_without_usable_keys_is_one_line(
-    run_here, bridge_here, tmp_path, monkeypatch, recwarn, keystore, fragment
-):
-    (tmp_path / 'keys/enclaves/greenhouse_bridge').mkdir(parents=True)
-    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
-    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Enforce')
-    monkeypatch.setenv('ROS_SECURITY_KEYSTORE', str(tmp_path / keystore) if keystore else '')
-    assert fragment in bridge_here('--enclave', '/greenhouse_bridge').refusal
-    assert RuntimeWarning not in [each.category for each in recwarn]
-
-    ended = run_here(read_tag.main, '1', '--ros-args', '--enclave', '/greenhouse_bridge')
-    assert ended.code == 2
-    assert fragment in ended.said

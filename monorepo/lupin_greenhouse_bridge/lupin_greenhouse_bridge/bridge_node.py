@@ -35,7 +35,8 @@ class GreenhouseBridgeNode(Node):
     def __init__(self) -> None:
         """Load and validate the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
-        settings = declare_parameters(self, Settings)
+        # A dump of a running bridge's parameters, given back, also has the output.
+        settings = declare_parameters(self, Settings, without_effect=[TAG_IDS_PARAMETER])
         greenhouse = simulation.load(
             settings,
             tag_file=_config_path(settings.tag_file),

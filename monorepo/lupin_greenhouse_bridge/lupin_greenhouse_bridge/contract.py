@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 NODE_NAME = 'greenhouse_bridge'
 DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
 TAG_IDS_PARAMETER = 'loaded_tag_ids'
+TAG_FILE_PARAMETER = 'tag_file'
 # ROS's default depth is 10, and DDS silently drops requests and replies beyond it. Each service receives the
 # requests of all its clients, and each client the replies to all of them.
 SERVICE_QOS = QoSProfile(depth=1000)
@@ -56,14 +57,14 @@ def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
 
 def fault_of_reading(reading: TagReading) -> str:
     """Return why a bridge cannot have sent this TagReading; '' if it can."""
-    names = [each.name for each in reading.readings]
+    names = [value.name for value in reading.readings]
     if not (reading.tag_id and names):
         return 'it names no tag, or has no value'
     if len(set(names)) < len(names):
         return 'it has two values of one sensor'
     if reading.stamp.sec < 0:
         return 'its stamp is before 1970'
-    numbers = [reading.sim_time_of_day_seconds, *(each.value for each in reading.readings)]
+    numbers = [reading.sim_time_of_day_seconds, *(value.value for value in reading.readings)]
     return '' if all(map(math.isfinite, numbers)) else 'it has a number that is not finite'
 
 
@@ -72,16 +73,22 @@ def parameter_service_of(service_name: str) -> str:
     return f'{service_name.rpartition("/")[0]}/get_parameters'
 
 
-def tag_ids_request() -> GetParameters.Request:
-    """Return the request for the tags that a bridge has loaded."""
-    return GetParameters.Request(names=[TAG_IDS_PARAMETER, 'tag_file'])
+class BridgeInfo(NamedTuple):
+    """What a bridge says about itself in its parameters."""
+
+    tag_ids: list[str]  # in the order of its tag file; [] if the node is not a bridge
+    tag_file: str  # '' for that of mdp-greenhouse
 
 
-def has_tag_file(response: GetParameters.Response) -> bool:
-    """Return whether the bridge has loaded a custom tag file."""
-    return bool(response.values[-1].string_value)
+def info_request() -> GetParameters.Request:
+    """Return the request for the BridgeInfo of a node, to its parameter service."""
+    return GetParameters.Request(names=[TAG_IDS_PARAMETER, TAG_FILE_PARAMETER])
 
 
-def tag_ids_of(response: GetParameters.Response) -> list[str]:
-    """Return the tag ids in the order of the bridge's tag file; [] if the node is not a bridge."""
-    return list(response.values[0].string_array_value) if response.values else []
+def info_of(response: GetParameters.Response) -> BridgeInfo:
+    """Return the BridgeInfo in a response to info_request()."""
+    values = dict(zip(info_request().names, response.values, strict=False))  # no value, if one is unknown
+    if len(values) < 2:
+        return BridgeInfo([], '')
+    tag_ids = list(values[TAG_IDS_PARAMETER].string_array_value)
+    return BridgeInfo(tag_ids, values[TAG_FILE_PARAMETER].string_value)

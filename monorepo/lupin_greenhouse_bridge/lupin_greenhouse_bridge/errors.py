@@ -1,11 +1,8 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Errors for the person who reads the log: one line each."""
 
-import difflib
 import re
-import sys
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 
 class OneLineError(Exception):
@@ -25,18 +22,6 @@ class UsageError(OneLineError):
 
 class Interrupted(Exception):
     """Ctrl-C or SIGTERM ended a command before it was done."""
-
-
-def refuse_typo(name: str, missing: Iterable[str], what: str) -> None:
-    """Raise a StartUpError that begins with `what` if an unknown name resembles one that is missing."""
-    if meant := meant_name(name, missing):
-        raise StartUpError(f'{what} {escaped(name, 60)} is unknown: did you mean {meant}?')
-
-
-def meant_name(name: str, missing: Iterable[str], alike: float = 0.8) -> str:
-    """Return which of the missing names an unknown one resembles, by a ratio of difflib, or ''."""
-    written = name.lower().replace('-', '_')
-    return next(iter(difflib.get_close_matches(written, missing, n=1, cutoff=alike)), '')
 
 
 def escaped(text: str, longest: int) -> str:
@@ -60,15 +45,3 @@ def names_text(thing: str, names: Sequence[str], most: int) -> str:
     more = [f'{len(names) - most:,} more'] if len(names) > most else []
     *first, last = [*(escaped(name, 64) for name in names[:most]), *more]
     return f'{thing}s {", ".join(first)} and {last}' if first else f'{thing} {last}'
-
-
-def is_environment_of_make() -> bool:
-    """Return whether this process runs in the environment that make has made."""
-    return sys.prefix != sys.base_prefix and Path(sys.prefix, 'local_setup.bash').exists()
-
-
-def source_of_messages(package: str) -> str:
-    """Return how to get a ROS package of messages, of which the environment of make has a stand-in."""
-    if is_environment_of_make():
-        return 'write `python3 ci/within.py --stand-ins` before the command'
-    return f'sudo apt install ros-$ROS_DISTRO-{package.replace("_", "-")}'

@@ -181,8 +181,8 @@ def test_the_poses_are_computed_without_ros(tag_file):
         ('frame: layout\noverrides: {"7": {x: 1, z: 2}}', "tag '7': unknown key 'z': use x, y, yaw"),
         ('frame: layout\n"7": {x: 1}\n', "unknown key '7': use frame, overrides"),
         ('frame: layout', 'overrides is missing'),
-        ('frame: layout\noverrides: [7]', 'overrides is a list: must be a mapping'),
-        ('[7]', 'holds a list at its top level, not a mapping'),
+        ('frame: layout\noverrides: [7]', 'overrides is [7]: must be a mapping'),
+        ('[7]', 'must be a mapping, such as'),
         ('frame: layout\noverrides: {"7": 1.5}', '7 is 1.5: must be a mapping'),
     ],
 )

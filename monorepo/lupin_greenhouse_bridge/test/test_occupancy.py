@@ -238,7 +238,7 @@ def test_what_is_no_map_is_refused(write_map, poses_of, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'PIL', None)
     assert poses_of('--map', path)[2].endswith(': sudo apt install python3-pil\n')
     path.write_text('[1, 2]', encoding='utf-8')
-    assert 'not a mapping with image' in poses_of('--map', path)[2]
+    assert 'must be a mapping with image' in poses_of('--map', path)[2]
 
 
 def test_the_picture_shows_the_map_and_never_replaces_it(write_map, poses_of, tmp_path):

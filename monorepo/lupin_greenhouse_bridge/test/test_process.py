@@ -1,63 +1,48 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
-import importlib
 import io
-import os
-import queue
-import signal
 import sys
-from functools import partial
 from types import SimpleNamespace
 
 import pytest
 import rclpy
 from conftest import SPINS, Terminal, ended_process
-from lupin_greenhouse_bridge import bridge_node, executables
-from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, source_of_messages
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
-from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine, said_if_slow
+from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
-    executable,
     spinning_node,
 )
-from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
+from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.executors import SingleThreadedExecutor
 
 NO_ANSWER, INTERRUPTED = 3, 130
-PACKAGE = 'lupin_greenhouse_bridge'
-IMPORT = 'rclpy/__init__.py:<module>'  # before main()
 STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
 ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
 RUN = (*STARTS, 'rclpy/executors.py:add_node', 'rclpy/node.py:destroy_node', *ENDS)
-EXITS = 'lupin_greenhouse_bridge/runtime/process.py:end'  # after main()
 BOTH = SIGNALS['SIGTERM and Ctrl-C']
 STUCK = """
 import ctypes
-import sys
-import types
-from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime import run
 
-def main():
-    process.limit_the_end()
-    ctypes.PyDLL(None).sleep(3600)  # with Python's lock, like a Fast DDS that waits for itself
-
-process.LONGEST_END_SECONDS = 0.2
-sys.modules['stuck'] = types.SimpleNamespace(main=main)
-process.start('stuck')
+run.LONGEST_END_SECONDS = 0.2
+run._limit_the_end()
+ctypes.PyDLL(None).sleep(3600)  # with Python's lock, like a Fast DDS that waits for itself
 """
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
 
 
-@pytest.mark.parametrize(('moment', 'seed', 'code'), [(IMPORT, 1, 0), (IMPORT, -5, 1), (EXITS, -5, 1)])
-def test_a_signal_before_or_after_the_node_keeps_the_exit_code(start_bridge, moment, seed, code):
-    bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, BOTH), debug_seed=seed)
-    assert bridge.end() == code
-    assert any(f'signalled in {moment}' in line for line in bridge.log)
-    assert sum('debug_seed is -5' in line for line in bridge.log) == code
+@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
+def test_the_process_of_a_bridge_that_is_ready_ends_with_exit_code_0(start_bridge, signals):
+    bridge = start_bridge()
+    bridge.wait_for_log('ready:')
+    bridge.send(*signals)
+    assert bridge.end() == 0
 
 
 @pytest.mark.parametrize(
@@ -80,41 +65,11 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_he
     assert f'signalled in {moment}' in ended.out
 
 
-def test_the_process_of_read_tag_ends_as_documented():
-    signalled = command(PACKAGE, 'read_tag', IMPORT, SIGNALS['Ctrl-C twice'])
-    code, _, err = ended_process([*signalled, '1', '--watch', '9', *NOBODY])
-    assert (code, 'Traceback' in err) == (INTERRUPTED, False)
-
-
 @pytest.mark.parametrize('moment', [*STARTS, 'rclpy/executors.py:add_node', SPINS])
 @pytest.mark.parametrize('arguments', [['1'], ['1', '--watch', '9']])
 def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments):
     ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
     assert ended == (INTERRUPTED, f'signalled in {moment}\n', '')
-
-
-@pytest.mark.parametrize(
-    ('words', 'code', 'variable', 'value', 'problem'),
-    [
-        (['read_tag', '1'], 2, 'RMW_IMPLEMENTATION', 'rmw_none', "'rmw_none', which is not installed: unset"),
-        (['bridge_node'], 1, 'RCUTILS_COLORIZED_OUTPUT', '2', "'2': must be 0 or 1"),
-    ],
-)
-def test_a_variable_that_ends_ros_is_named_in_one_line(monkeypatch, words, code, variable, value, problem):
-    """With such an RMW rclpy exits with code 102, with such a log rcl logs 17 lines."""
-    monkeypatch.setenv(variable, value)
-    ended, _, err = ended_process([executable(PACKAGE, words[0]), *words[1:]])
-    (line,) = err.splitlines()
-    assert ended == code
-    assert f'{variable} is {problem}' in line
-
-
-def test_where_nothing_tells_which_rmw_is_installed_none_is_refused(monkeypatch):
-    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_other')
-    monkeypatch.delenv('AMENT_PREFIX_PATH')
-    process.hide_fatal_values()
-    assert process.environment_problem() == ''
-    assert os.environ['RMW_IMPLEMENTATION'] == 'rmw_other'
 
 
 @pytest.mark.parametrize(
@@ -144,21 +99,6 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
     assert ended.out.startswith('tag')
 
 
-def test_a_command_without_a_node_is_ended_by_ctrl_c_at_once():
-    moment = 'display/readings_page.py:main'
-    ended = ended_process(command(PACKAGE, 'readings_page', moment, SIGNALS['Ctrl-C']))
-    assert ended == (-signal.SIGINT, f'signalled in {moment}\n', '')
-
-
-def test_each_executable_starts_its_module_and_those_without_a_node_handle_no_signal():
-    starts = {name: each for name, each in vars(executables).items() if isinstance(each, partial)}
-    for name, start in starts.items():
-        assert start.args[0].rpartition('.')[2] == name
-        assert importlib.import_module(*start.args).main
-    without_a_node = [name for name, start in starts.items() if start.keywords == {'has_node': False}]
-    assert without_a_node == ['readings_page', 'approach_poses']
-
-
 def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
     """Humble's executor waits without a limit for a coroutine that is suspended, and Fast DDS for itself."""
     shutdown, limits = SingleThreadedExecutor.shutdown, []
@@ -168,7 +108,7 @@ def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
         return shutdown(executor, timeout_sec)
 
     monkeypatch.setattr(SingleThreadedExecutor, 'shutdown', record)
-    monkeypatch.setattr(process, 'limit_the_end', lambda: limits.append('the end'))
+    monkeypatch.setattr(run, '_limit_the_end', lambda: limits.append('the end'))
     assert bridge_here().code == 0
     assert limits == [0, 'the end']
 
@@ -192,22 +132,6 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name_and_a_long_text_is
     assert str(OneLineError("'two  spaces': one\r\n  two\x1b[2J")) == "'two  spaces': one two\\x1b[2J"
     assert [escaped('x' * length, 64) for length in (64, 65)] == ['x' * 64, 'x' * 64 + '...']
     assert [pluralized(count, 'tag') for count in (0, 1, 2)] == ['0 tags', '1 tag', '2 tags']
-
-
-@pytest.mark.parametrize(
-    ('is_venv', 'has_ros', 'source'),
-    [
-        (True, True, 'write `python3 ci/within.py --stand-ins` before the command'),
-        (True, False, 'sudo apt install ros-$ROS_DISTRO-nav2-msgs'),  # /opt/ros is seen from a venv
-        (False, True, 'sudo apt install ros-$ROS_DISTRO-nav2-msgs'),  # a prefix of conda
-    ],
-)
-def test_messages_come_from_apt_only_where_ros_does(tmp_path, monkeypatch, is_venv, has_ros, source):
-    monkeypatch.setattr(sys, 'prefix', str(tmp_path))
-    monkeypatch.setattr(sys, 'base_prefix', '/usr' if is_venv else str(tmp_path))
-    if has_ros:
-        (tmp_path / 'local_setup.bash').touch()
-    assert source_of_messages('nav2_msgs') == source
 
 
 def test_a_progress_line_takes_the_position_of_the_last_at_a_terminal_and_is_silent_in_a_pipe():
@@ -235,16 +159,6 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
     wiped = ''.join(f'\r\x1b[K{line}\r' for line in (*lines, ''))
     shown = (wiped, '') if is_terminal else ('', f'{lines[0]}\n{lines[2]}\n')
     assert (terminal.text, pipe.getvalue()) == shown
-
-
-def test_work_without_steps_is_told_of_only_if_it_is_slow(monkeypatch):
-    written = queue.SimpleQueue()
-    monkeypatch.setattr(sys, 'stderr', SimpleNamespace(write=written.put, flush=bool, isatty=bool))
-    with said_if_slow('approach_poses', 'drawing', seconds=3600.0):
-        pass
-    assert written.empty()
-    with said_if_slow('approach_poses', 'drawing', seconds=0.0):
-        assert written.get(timeout=60.0) == 'approach_poses: drawing'
 
 
 @pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])

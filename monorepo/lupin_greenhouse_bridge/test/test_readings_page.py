@@ -258,7 +258,7 @@ def test_positions_of_another_greenhouse_are_refused(write_layout, recording, ca
         ('FILE -o FILE', "--output 'FILE' is the file of FILE itself: name another file"),
         ('FILE -o tags.json --tag-file tags.json', 'is the file of --tag-file itself: name'),
         ('FILE --tag-file FILE', "tag_file 'FILE'"),
-        ('FILE --sim-config-file tags.json', 'time is missing'),
+        ('FILE --sim-config-file tags.json', "'time' is a required property"),
         ('tags.json', 'is not an observation'),
         ('FILE.csv', "'FILE.csv': line 1 is not an observation (it is not JSON): name a file of record"),
         ('REPORT --tag-file tags.json', "2 of the file's 2 tags are not in it, such as '1': name the"),

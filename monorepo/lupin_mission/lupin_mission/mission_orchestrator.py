@@ -18,7 +18,6 @@ from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
-from lupin_greenhouse_bridge.runtime.process import NO_OUTPUT
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -45,7 +44,7 @@ from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
 from lupin_mission.visit import Request, Service
 
-ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, NO_OUTPUT
+ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, 4
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped
-from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from rclpy.action.client import ActionClient
 from rclpy.node import Node
@@ -38,7 +38,8 @@ def navigate_to_pose(
         return importlib.import_module('nav2_msgs.action').NavigateToPose
     except ImportError as error:
         raise StartUpError(
-            f'{who} needs the package nav2_msgs ({error}): {source_of_messages("nav2_msgs")}{otherwise}'
+            f'{who} needs the package nav2_msgs ({error}):'
+            f' sudo apt install ros-$ROS_DISTRO-nav2-msgs{otherwise}'
         ) from error
 
 

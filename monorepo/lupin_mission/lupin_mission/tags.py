@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from lupin_greenhouse_bridge.contract import (
-    has_tag_file,
+    info_of,
+    info_request,
     parameter_service_of,
-    tag_ids_of,
-    tag_ids_request,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
@@ -45,7 +44,7 @@ class Tags:
         if self._world:
             self.ids = list(self._world)
         elif settings.tag_locations_file:
-            self.ids = list(read_layout(settings.tag_locations_file, has_tables=False).tags)
+            self.ids = list(read_layout(settings.tag_locations_file).tags)
         self._is_settled = bool(self.ids)  # by a file, or because the bridge has replied or has no parameters
         self._bridge_found_at: float | None = None
         self._service_found_at: float | None = None
@@ -111,7 +110,7 @@ class Tags:
         if self._client.service_is_ready():
             if len(self._requests) == MOST_PENDING_REQUESTS:
                 self._client.remove_pending_request(self._requests.popleft())
-            self._requests.append(self._client.call_async(tag_ids_request()))
+            self._requests.append(self._client.call_async(info_request()))
             self._requests[-1].add_done_callback(self._on_reply)
         elif self._has_service():
             self._service_found_at = self._service_found_at or now
@@ -119,11 +118,11 @@ class Tags:
                 self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
 
     def _on_reply(self, future: 'Future[Any]') -> None:
-        response = future.result()
         if self._is_settled:
             return
-        if tag_ids := tag_ids_of(response):
-            self._settle(tag_ids, is_custom_file=has_tag_file(response))
+        info = info_of(future.result())
+        if info.tag_ids:
+            self._settle(info.tag_ids, is_custom_file=bool(info.tag_file))
         else:
             reason = f'the node of {self._settings.bridge_service_name} does not list its tags'
             self._take_shipped(reason, self._node.get_logger().info)
@@ -132,7 +131,7 @@ class Tags:
         """Take the tags that mdp-greenhouse ships, if it is installed."""
         if shipped := shipped_file('tag_locations.json'):
             log(f'{reason}: using those of {shipped}')
-            self._settle(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
+            self._settle(list(read_layout(shipped).tags), is_custom_file=False)
 
     def _settle(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
         self._timer.cancel()
@@ -150,7 +149,7 @@ class Tags:
         self._tag_file = self._settings.tag_locations_file or shipped
         in_layout = self._world
         if not in_layout and self._tag_file:
-            tags = read_layout(self._tag_file, has_tables=False).tags
+            tags = read_layout(self._tag_file).tags
             in_layout = {tag_id: (tag.x, tag.y) for tag_id, tag in tags.items()}
         self.positions_m = {}
         if self._settings.has_poses_in_map:

@@ -5,7 +5,7 @@ from typing import Any
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
-from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.graph import domain_id, duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.node import Node
 
@@ -61,8 +61,8 @@ class Transport:
             self._unsent = None
             name = self._clients[request.service].srv_name
             self._warn_once(
-                f'{name} is not found with {discovery_settings()}:'
-                ' start its node, or set these variables as for that node'
+                f'{name} is not found on domain {domain_id()}:'
+                ' start its node, or set ROS_DOMAIN_ID to its domain'
             )
             return Outcome.NO_SERVICE
         self._clients[request.service].remove_pending_request(self._future)

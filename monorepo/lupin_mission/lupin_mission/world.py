@@ -5,10 +5,9 @@ from xml.etree import ElementTree
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
-from lupin_greenhouse_bridge.simulator.json_yaml import read_text
+from lupin_greenhouse_bridge.simulator.files import read_text
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
-LARGEST_FILE_BYTES = 64 * 2**20
 TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')
 
 
@@ -19,7 +18,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     Raises StartUpError if the file is not such a world.
     """
     where = f"world_file '{escaped(world_file, 500)}'"
-    text = read_text(world_file, where, LARGEST_FILE_BYTES)
+    text = read_text(world_file, where)
     try:
         world = ElementTree.fromstring(text)  # noqa: S314 - expat limits what entities expand to
     except ElementTree.ParseError as error:

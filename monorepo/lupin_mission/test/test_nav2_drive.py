@@ -8,7 +8,6 @@ import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
-from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
@@ -21,7 +20,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 actions = importlib.import_module('nav2_msgs.action') if importlib.util.find_spec('nav2_msgs') else None
-pytestmark = pytest.mark.skipif(not actions, reason=source_of_messages('nav2_msgs'))
+pytestmark = pytest.mark.skipif(not actions, reason='nav2_msgs is missing')
 HOUR = 3600.0
 HERE = Arrival()
 NORTH = math.pi / 2

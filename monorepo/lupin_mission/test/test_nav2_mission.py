@@ -14,7 +14,7 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Outcome
-from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
+from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
@@ -28,7 +28,7 @@ from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Bool
 
 # Not importorskip, which ends the import: launch_testing imports every test module.
-pytestmark = pytest.mark.skipif(not find_spec('nav2_msgs'), reason=source_of_messages('nav2_msgs'))
+pytestmark = pytest.mark.skipif(not find_spec('nav2_msgs'), reason='nav2_msgs is missing')
 NAME = '/held/navigate_to_pose'
 NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1, 'map_topic': "''"}
 WITH_MAP = {**NAV2, 'map_topic': '/held/map'}
@@ -465,4 +465,4 @@ def test_without_its_layout_the_robot_does_not_drive(start_mission, bridge_param
 def test_without_nav2_msgs_the_drive_is_refused_with_their_source(start_mission, monkeypatch):
     monkeypatch.setitem(sys.modules, 'nav2_msgs.action', None)  # as if it was not installed
     refusal = start_mission(**NAV2, tag_sequence='1').refusal(exit_code=2)
-    assert source_of_messages('nav2_msgs') in refusal
+    assert 'nav2-msgs' in refusal

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
-from lupin_greenhouse_bridge.runtime.arguments import METRES, Parser, folder_type
+from lupin_greenhouse_bridge.runtime.arguments import METRES, Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     side = 'side of the black square of each tag in metres (default: %(default)g)'
     parser.add_argument('--side', type=METRES, default=SIDE_M, metavar='M', help=side)
     output = 'folder for the SDF file and its models; default: %(default)s'
-    parser.add_argument('--output', type=folder_type, default=Path('.world'), metavar='FOLDER', help=output)
+    parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help=output)
     options = parser.parse_args(arguments)
     try:
         layout, walls = read_layout(options)

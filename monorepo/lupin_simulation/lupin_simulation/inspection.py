@@ -21,7 +21,7 @@ import domain_coordinator
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
 
 from lupin_simulation.inspection_nodes import PARAMETERS, SETTABLE, commands_of, companion, executable
@@ -121,7 +121,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add('--drive', action='store_true', help=drive)
     add('--record', metavar='FILE', help='add the readings to this SQLite file, which need not exist')
     output = 'folder for the report and its page; default: %(default)s'
-    add('--output', type=folder_type, default=Path('.mission'), metavar='FOLDER', help=output)
+    add('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help=output)
     add('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
     options = parser.parse_args(arguments)
     left_out = set() if options.camera else {'confirm_tag', 'fake_camera'}

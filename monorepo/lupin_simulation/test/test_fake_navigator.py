@@ -10,7 +10,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
+from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
@@ -37,7 +37,7 @@ NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
 OCCUPIED = f'the goal at {FAR.x:.2f}, {FAR.y:.2f} m is occupied'
 HOUR = 3600.0
 actions = importlib.import_module('nav2_msgs.action') if importlib.util.find_spec('nav2_msgs') else None
-pytestmark = pytest.mark.skipif(not actions, reason=source_of_messages('nav2_msgs'))
+pytestmark = pytest.mark.skipif(not actions, reason='nav2_msgs is missing')
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.
 ACTIONS = ('NavigateToPose', 'NavigateToPoseIron', 'NavigateToPoseHumble')
 

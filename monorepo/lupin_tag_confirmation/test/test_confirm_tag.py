@@ -9,7 +9,6 @@ from builtin_interfaces.msg import Time
 from confirmation_helpers import PATIENCE_SECONDS, Perception, image_of, picture_of_tag
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
-from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.drawing import GOOD
@@ -139,11 +138,3 @@ def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_t
         assert process.stop() == 0
         assert not any('never awaited' in line for line in process.log)
         assert not any(future.done() for future in waiting)
-
-
-def test_a_signal_while_it_imports_ends_it_with_exit_code_0(start_node):
-    """The tests of the bridge have the other moments."""
-    moment = 'rclpy/__init__.py:<module>'
-    process = start_node(command(*EXECUTABLE, moment, SIGNALS['Ctrl-C']))
-    assert process.end() == 0
-    assert any(f'signalled in {moment}' in line for line in process.log)

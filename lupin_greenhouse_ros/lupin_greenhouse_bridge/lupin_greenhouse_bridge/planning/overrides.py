@@ -6,8 +6,9 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import POSE_LIMITS, Transform
+from lupin_greenhouse_bridge.planning.values import mapping_of, number, refuse_unknown_keys
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number, read_yaml, refuse_unknown_keys
+from lupin_greenhouse_bridge.simulator.files import read_yaml
 
 EXAMPLE = '{frame: layout, overrides: {"7": {x: 3.0, y: 7.4, yaw: 3.14}}}'
 FRAMES = ('layout', 'map')

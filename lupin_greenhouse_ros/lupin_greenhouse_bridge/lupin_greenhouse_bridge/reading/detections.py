@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
+from lupin_greenhouse_bridge.errors import StartUpError
 
 if TYPE_CHECKING:
     from lupin_greenhouse_bridge.reading.read_on_sight import Settings
@@ -21,7 +21,8 @@ def detection_messages() -> ModuleType:
         return importlib.import_module('apriltag_msgs.msg')
     except ImportError as error:
         raise StartUpError(
-            f'detections need the package apriltag_msgs ({error}): {source_of_messages("apriltag_msgs")}'
+            f'detections need the package apriltag_msgs ({error}):'
+            ' sudo apt install ros-$ROS_DISTRO-apriltag-msgs'
         ) from error
 
 

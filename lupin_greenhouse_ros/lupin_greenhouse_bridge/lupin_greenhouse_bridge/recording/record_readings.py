@@ -17,7 +17,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, parameter_service_of, tag_ids_request
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, info_of, info_request, parameter_service_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording.rows import Row, fault_of, rows_of
@@ -148,7 +148,7 @@ class RecordReadingsNode(Node):
         if self._request:  # DDS can drop a request that comes before discovery is complete
             self._bridge.remove_pending_request(self._request)
         if self._bridge.service_is_ready():
-            self._request = self._bridge.call_async(tag_ids_request())
+            self._request = self._bridge.call_async(info_request())
             self._request.add_done_callback(self._on_tag_file)
 
     def _on_tag_file(self, request: 'Future[GetParameters.Response]') -> None:
@@ -156,11 +156,13 @@ class RecordReadingsNode(Node):
         self._has_places = True
         try:
             response = request.result()
-            if not (response and response.values):
+            info = response and info_of(response)
+            if not (info and info.tag_ids):
                 raise StartUpError(TAG_FILE_UNKNOWN)
-            if tag_file := response.values[-1].string_value:
-                self._places_m = find_places(tag_file)
-                self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
+            if info.tag_file:
+                self._places_m = find_places(info.tag_file)
+                shown = escaped(info.tag_file, 500)
+                self.get_logger().info(f"positions: those of the bridge's tag_file {shown}")
         except StartUpError as error:  # also of a bridge on another machine
             self.get_logger().warning(f'{error}: {SHIPPED_PLACES}')
 

@@ -8,13 +8,11 @@ from typing import Any
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.launch_context import LaunchContext
-from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch.utilities.type_utils import coerce_to_type
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from lupin_greenhouse_bridge.errors import meant_name
 from lupin_greenhouse_bridge.runtime.parameters import WANTED, default_text, parameter
 
 
@@ -70,10 +68,6 @@ def node_with_arguments(
         params_file = own['params_file']
         if params_file and not os.path.isfile(params_file):
             raise FileNotFoundError(f"params_file '{params_file}' is not a file: name a YAML file")
-        missing = [each.name for each in parameters if each.name not in given]
-        for name in given.difference(kinds, own):
-            if meant := meant_name(name, missing):  # no error: it may be an argument of an including file
-                get_logger('launch').warning(f'argument {name} is unknown: did you mean {meant}?')
         for each in parameters:
             _check_type(each, LaunchConfiguration(each.name).perform(context))
         forwarded = {

@@ -23,7 +23,7 @@ from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, Sightings, detection_messages
 from lupin_greenhouse_bridge.recording.subscription import watch_publishers
-from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.graph import domain_id, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
     declare_parameters,
@@ -163,8 +163,8 @@ class ReadOnSightNode(Node):
         if now - self._no_service_since_s >= DISCOVERY_SECONDS:
             self._has_warned_of_no_service = True
             self.get_logger().warning(
-                f'no service {self._client.srv_name} with {discovery_settings()}: start the bridge, set'
-                ' bridge_service_name, or set these variables as for the bridge',
+                f'no service {self._client.srv_name} on domain {domain_id()}: start the bridge, or set'
+                ' bridge_service_name or ROS_DOMAIN_ID',
                 throttle_duration_sec=LOG_EVERY_SECONDS,
             )
 

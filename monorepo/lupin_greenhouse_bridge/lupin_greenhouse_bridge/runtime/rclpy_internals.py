@@ -11,7 +11,6 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType  # type: ignore[attr-defined]  # Humble has no clock_type
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -23,7 +22,6 @@ except ImportError:  # Humble has no event_handler, and Kilted warns of qos_even
     from rclpy.qos_event import SubscriptionEventCallbacks
 
 __all__ = [
-    'LoggingSeverity',
     'RCLError',
     'RcutilsLogger',
     'SubscriptionEventCallbacks',

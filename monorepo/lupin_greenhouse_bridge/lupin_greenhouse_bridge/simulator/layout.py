@@ -4,14 +4,12 @@
 import importlib.util
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.json_yaml import kind_of, number, read_json, shown, unknown_keys
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.simulator.files import read_json, schema_of, unread_keys, validate
 
-LARGEST_FILE_BYTES = 64 * 2**20  # about 500,000 tags
-TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
-TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
+SCHEMA = schema_of('tag_locations')
 
 
 class Tag(NamedTuple):
@@ -29,6 +27,7 @@ class Layout(NamedTuple):
     tables: dict[str, tuple[float, float, float, float]]  # name -> (x0, y0, x1, y1)
     tags_without_sensors: tuple[str, ...] = ()  # their ids
     path: str | Path = ''  # of the tag file
+    unread_keys: tuple[str, ...] = ()  # the places of the keys that nothing reads
 
 
 def shipped_file(name: str) -> Path | None:
@@ -38,66 +37,31 @@ def shipped_file(name: str) -> Path | None:
     return next((path for each in folders if (path := Path(each, 'configs', name)).is_file()), None)
 
 
-def read_layout(path: str | Path, *, has_tables: bool = True) -> Layout:
+def read_layout(path: str | Path) -> Layout:
     """
     Return the layout of a tag file, which has one of the two formats that the simulator reads.
 
-    Only the nested format has tables; the simulator does not read them, nor does this function without
-    `has_tables`. Raises StartUpError if the file, a tag or a table is malformed, or if no tag has a sensor.
-    Does not check that the sensors exist.
+    Only the nested format has tables. Raises StartUpError if the file is malformed, or if no tag has a
+    sensor. Does not check that the sensors exist.
     """
     where = f"tag_file '{path}'"
-    data = read_json(path, where, LARGEST_FILE_BYTES)
-    if not isinstance(data, dict):
-        raise StartUpError(f'{where}: holds {kind_of(data)} at its top level, not an object of tags')
+    data = read_json(path, where)
+    validate(data, SCHEMA, where)
     is_nested = isinstance(data.get('tags'), dict)
-    entries = data['tags'] if is_nested else data
-    # In the flat format, an object of objects is no tag, but may be a misspelt `tags`.
-    groups = data if is_nested else {key: each for key, each in data.items() if _holds_objects(each)}
-    unknown_keys(groups, ('tags', 'tables'), where)
-    # The simulator's editor saves {"units": "m"} before it has the first tag.
-    if not entries or (isinstance(entries.get('units'), str) and entries.keys() <= {'units', 'tables'}):
-        raise StartUpError(f'{where}: holds no tags: add at least one, {TAG_EXAMPLE}')
-    tags = {tag_id: _tag(tag_id, entry, where) for tag_id, entry in entries.items()}
-    tables = _tables(data.get('tables', {}), where) if is_nested and has_tables else {}
+    tags = {
+        tag_id: Tag(float(tag['x']), float(tag['y']), tag['sensors'])
+        for tag_id, tag in (data['tags'] if is_nested else data).items()
+    }
+    tables = {
+        name: (float(table['x0']), float(table['y0']), float(table['x1']), float(table['y1']))
+        for name, table in (data.get('tables', {}) if is_nested else {}).items()
+    }
     served = {tag_id: tag for tag_id, tag in tags.items() if tag.sensors}
     if not served:
         raise StartUpError(f'{where}: no tag has a sensor: add a sensor to at least one tag')
-    return Layout(served, tables, tuple(tag_id for tag_id in tags if tag_id not in served), path)
-
-
-def _holds_objects(value: Any) -> bool:
-    return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
-
-
-def _tag(tag_id: str, entry: Any, where: str) -> Tag:
-    where = f"{where}: tag '{escaped(tag_id, 64)}'"
-    if not tag_id.strip() or '\0' in tag_id or any('\ud800' <= c <= '\udfff' for c in tag_id):
-        raise StartUpError(f'{where} cannot be sent over ROS: use an id of visible Unicode characters')
-    if not isinstance(entry, dict):
-        raise StartUpError(f'{where} is {kind_of(entry)}, not an object, {TAG_EXAMPLE}')
-    x, y = (float(number(entry, axis, where, 'metres')) for axis in 'xy')
-    sensors = entry.get('sensors')
-    if not isinstance(sensors, list):
-        problem = f'{where}: sensors is {shown(entry, "sensors")}'
-        raise StartUpError(f'{problem}: must be a list of names, such as ["co2"]')
-    for name in sensors:
-        if not isinstance(name, str):
-            raise StartUpError(f'{where}: sensors holds {kind_of(name)}: must hold names, such as ["co2"]')
-    return Tag(x, y, sensors)
-
-
-def _tables(tables: Any, where: str) -> dict[str, tuple[float, float, float, float]]:
-    if not isinstance(tables, dict):
-        raise StartUpError(f'{where}: tables is {kind_of(tables)}, not an object, {TABLE_EXAMPLE}')
-    corners = {}
-    for name, table in tables.items():
-        here = f"{where}: table '{escaped(name, 64)}'"
-        if not isinstance(table, dict):
-            raise StartUpError(f'{here} is {kind_of(table)}, not an object, {TABLE_EXAMPLE}')
-        x0, y0, x1, y1 = (float(number(table, key, here, 'metres')) for key in ('x0', 'y0', 'x1', 'y1'))
-        corners[name] = x0, y0, x1, y1
-    return corners
+    schema = SCHEMA['then' if is_nested else 'else']
+    unread = tuple(unread_keys(data, schema, SCHEMA['definitions']))
+    return Layout(served, tables, tuple(tag_id for tag_id in tags if tag_id not in served), path, unread)
 
 
 def find_layout(tag_file: str) -> Layout | None:

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from packaging.version import InvalidVersion, Version
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
-from lupin_greenhouse_bridge.simulator.config import check_sensors, read_config
+from lupin_greenhouse_bridge.simulator.config import Config, check_sensors, read_config
 from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, shipped_file
 
 OLDEST_SIMULATOR = '1.0.7'
@@ -46,7 +46,7 @@ def load(
     from greenhouse_sim.simulator import GreenhouseSimulator
 
     tag_path = tag_file or _require_shipped_file('tag_locations.json')
-    layout = read_layout(tag_path, has_tables=False)
+    layout = read_layout(tag_path)
     config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
     config = read_config(config_path, settings)
     check_sensors(layout, config)
@@ -70,7 +70,7 @@ def load(
     _apply_overrides(sim.sim_config['time'], settings)
     _prove_readable(sim, layout)
     summary = f'{_summary(sim, layout)}; mdp-greenhouse {version}'
-    warnings = config.warnings + _warnings(sim, layout, settings)
+    warnings = _warnings(sim, layout, config, settings)
     return LoadedGreenhouse(sim, list(layout.tags), warnings, summary)
 
 
@@ -161,11 +161,17 @@ def _prove_readable(sim: Any, layout: Layout) -> None:
     random.setstate(state)
 
 
-def _warnings(sim: Any, layout: Layout, settings: Settings) -> list[str]:
+def _warnings(sim: Any, layout: Layout, config: Config, settings: Settings) -> list[str]:
     warnings = []
-    if bare := layout.tags_without_sensors:
-        some = ', '.join(f"'{escaped(tag_id, 64)}'" for tag_id in bare[:5])
-        warnings.append(f'{pluralized(len(bare), "tag")} without sensors, treated as unknown: {some}')
+    for where, keys in (
+        (f"tag_file '{layout.path}'", layout.unread_keys),
+        (config.where, config.unread_keys),
+    ):
+        if keys:
+            warnings.append(f'{where}: nothing reads the {names_text("key", keys, 5)}')
+    if without_sensors := layout.tags_without_sensors:
+        names = names_text('tag', without_sensors, 5)
+        warnings.append(f'treated as unknown, because without sensors: {names}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
         warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings

@@ -29,17 +29,17 @@ from lupin_greenhouse_bridge.runtime.run import spin_once
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
 
 
-def require(is_so: bool, problem: object) -> None:
-    """Fail the test with this problem unless it is so. Unlike assert, this also works with python -O."""
-    if not is_so:
+def require(condition: bool, problem: object) -> None:
+    """Fail the test with this problem unless the condition holds. Also works with python -O."""
+    if not condition:
         raise AssertionError(problem)
 
 
-def wait_until(is_so: Callable[[], Any]) -> None:
-    """Poll until is_so() is true; fail after 30 s."""
+def wait_until(condition: Callable[[], Any]) -> None:
+    """Poll until condition() is true; fail after 30 s."""
     pause = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
-    while not is_so():
+    while not condition():
         require(time.monotonic() < deadline, 'the condition did not become true')
         pause.wait(0.002)
 

@@ -1,16 +1,11 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
-Run an executable that sends itself signals at a chosen moment, for tests.
+Signals at a chosen moment, for tests.
 
-    python _signals.py PACKAGE EXECUTABLE MOMENT SIGNAL[,SIGNAL] [ARGUMENT...]
-
-MOMENT is the end of a file's path and a function in it, such as rclpy/node.py:create_service. The signals
-arrive at the first call of the function. The function <module> is the import of the file. This module runs as
-a file: -m would import rclpy first.
+A moment is the end of a file's path and a function in it, such as rclpy/node.py:create_service.
 """
 
 import contextlib
-import importlib
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -22,12 +17,6 @@ SIGNALS = {
     'SIGTERM': (signal.SIGTERM,),
     'SIGTERM and Ctrl-C': (signal.SIGTERM, signal.SIGINT),
 }
-
-
-def command(package: str, executable: str, moment: str, signals: Sequence[signal.Signals]) -> list[str]:
-    """Return the command line."""
-    numbers = ','.join(str(int(number)) for number in signals)
-    return [sys.executable, __file__, package, executable, moment, numbers]
 
 
 @contextlib.contextmanager
@@ -51,16 +40,3 @@ def raising(signals_at: dict[str, Sequence[signal.Signals]]) -> Iterator[None]:
         yield
     finally:
         sys.setprofile(None)
-
-
-def main() -> None:
-    """Run the executable, which ends the process."""
-    package, executable, moment, numbers = sys.argv[1:5]
-    del sys.argv[1:5]
-    run = getattr(importlib.import_module(f'{package}.executables'), executable)
-    with raising({moment: [signal.Signals(int(number)) for number in numbers.split(',')]}):
-        run()
-
-
-if __name__ == '__main__':
-    main()

@@ -3,8 +3,6 @@
 import copy
 import json
 import math
-import os
-import tracemalloc
 
 import pytest
 import yaml
@@ -13,7 +11,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS, read_config
+from lupin_greenhouse_bridge.simulator.config import SCHEMA
 from lupin_greenhouse_bridge.simulator.layout import (
     Tag,
     find_layout,
@@ -25,102 +23,86 @@ from lupin_greenhouse_bridge.simulator.layout import (
 PARAMETERS = ('tag_file', 'sim_config_file')
 MISSING = object()
 TAGS = {'tags': {'7': {'x': 1.0, 'y': 7.3, 'sensors': ['co2']}}}
-ANY_METRES = 'must be a number from -1e+12 to 1e+12 (metres)'
-NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 
-# Changes to TAGS by path, and the expected message.
+# Changes to TAGS by path, and what the message must name: the place, or the reason where there is no place.
 BAD_TAGS = [
-    ({'': None}, 'holds null at its top level, not an object of tags'),
-    ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
-    ({'tags': {}}, 'holds no tags: add at least one'),
-    ({'': {'units': 'm', 'tables': {}}}, 'holds no tags: add at least one, such as {"1": {"x": 1.5'),
-    ({'tabels': {}}, 'tabels is unknown: did you mean tables?'),
-    ({'': {'Tags': TAGS['tags'], 'units': 'm', 'tables': {}}}, 'Tags is unknown: did you mean tags?'),
-    ({'tags': []}, "tag 'tags' is a list, not an object"),
-    ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
-    ({'tags/7\0': TAGS['tags']['7']}, f"tag '7\\x00' {NOT_ASKABLE}"),
-    ({'tags/\ud83c': TAGS['tags']['7']}, f"tag '\\ud83c' {NOT_ASKABLE}"),
-    ({'tags/7/x': 10**400}, f"tag '7': x is 100000000000000000...0000000000000000000: {ANY_METRES}"),
-    ({'tags/7/y': True}, f"tag '7': y is True: {ANY_METRES}"),
-    ({'tags/7/sensors': 'co2'}, "tag '7': sensors is 'co2': must be a list of names"),
-    ({'tags/7/sensors': ['co2', None]}, "tag '7': sensors holds null: must hold names"),
-    ({'tags/7/sensors': []}, 'no tag has a sensor: add a sensor to at least one tag'),
+    ({'': None}, 'None is not of type'),
+    ({'': {'units': 'm', '7': TAGS['tags']['7']}}, ': units: '),
+    ({'tags': {}}, ': tags: {} '),
+    ({'': {'units': 'm', 'tables': {}}}, ': units: '),
+    ({'tags': []}, ': tags: [] is not of type'),
+    ({'tags/': TAGS['tags']['7']}, ": tags: '' does not match"),
+    ({'tags/7\0': TAGS['tags']['7']}, ": tags: '7\\x00' does not match"),
+    ({'tags/\ud83c': TAGS['tags']['7']}, ": tags: '\\ud83c' does not match"),
+    ({'tags/7/x': 10**400}, ': tags.7.x: '),
+    ({'tags/7/x': '1'}, ": tags.7.x: '1' is not of type 'number'"),
+    ({'tags/7/y': True}, ': tags.7.y: True'),
+    ({'tags/7/y': math.nan}, ': tags.7.y: nan'),
+    ({'tags/7/x': MISSING}, ": tags.7: 'x' is a required property"),
+    ({'tags/7/sensors': 'co2'}, ': tags.7.sensors: '),
+    ({'tags/7/sensors': ['co2', None]}, ': tags.7.sensors.1: None'),
+    ({'tags/7/sensors': []}, 'no tag has a sensor'),
     ({'tags/7/sensors': ['CO2']}, "tag '7' has the sensor 'CO2', which"),
+    ({'tables': []}, ': tables: []'),
+    ({'tables': {'bench': 7}}, ': tables.bench: 7'),
+    ({'tables': {'bench': {'x0': 0}}}, ": tables.bench: 'y0' is a required property"),
 ]
 BAD_TAG_BYTES = [
-    (b'', 'is not JSON: it is empty: save it again'),
-    (b'tags:\n  "7": {}', 'is not JSON: it does not begin with { or [: name a JSON file'),
-    (b'{"7": {"x": 1,5}}', 'is not JSON: a number has a decimal comma: write a point (line 1, column 15)'),
-    (b'{\n // my tag\n"7": {}}', 'is not JSON: it has a comment: remove it (line 2, column 2)'),
-    (b"{'7': {}}", 'is not JSON: a name or a text has single quotes: write double quotes'),
-    (b'{"7": {},}', 'is not JSON: a comma is before a closing bracket: remove it'),
-    (b'{"7": {}', 'is not JSON: its end is missing: close every quote and bracket'),
-    (b'{"7" {}}', "is not JSON: Expecting ':' delimiter (line 1, column 6)"),
-    (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
-    ('{}'.encode('utf-16'), 'is not UTF-8 text'),
-    (b'\x89PNG\r\n\x1a\n\0\0\0\rIHDR', 'is not a text file: name another'),
-    (b'SQLite format 3\0\xff', 'is an SQLite file, not a text file: name another'),
-    (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
-    (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
-    (b'[' * 20_000, 'is too deeply nested: use at most 4 levels'),
+    (b'', 'is not JSON'),
+    (b'tags:\n  "7": {}', 'is not JSON'),
+    (b'{"7": {"x": 1,5}}', 'line 1 column 15'),
+    (b'{"7": {}', 'is not JSON'),
+    (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'is not JSON: Unexpected UTF-8 BOM'),
+    ('{}'.encode('utf-16'), "cannot be read ('utf-8' codec"),
+    (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON'),
+    (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object"),
+    (b'[' * 20_000, 'is not JSON'),
 ]
 
-CO2 = "sensor 'co2', component 1"
-TYPO = 'is unknown: did you mean'
-ANY = 'must be a number from -1e+12 to 1e+12'
-POSITIVE = 'must be a number from 1e-12 to 1e+12'
-HOURS = 'must be a number from 0 to 24 (hours, such as 12.5)'
-KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
-# Changes to the shipped config by path, and the expected message.
+CO2 = ': sensors.co2.0.'
+# Changes to the shipped config by path, and what the message must name.
 BAD_CONFIGS = [
-    ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
-    ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
-    ({'time/debug_mode': True, 'time/debug_seed': MISSING}, 'time: debug_seed is missing: must be a whole'),
-    ({'time/debug_time_of_day': 24.000001}, f'time: debug_time_of_day is 24.000001: {HOURS}'),
-    ({'time/debug_mode': True, 'time/debug_time_of_day': MISSING}, f'debug_time_of_day is missing: {HOURS}'),
-    ({'time/speedup_factor': 0}, f'time: speedup_factor is 0: {POSITIVE}'),
-    ({'time/speedup_factor': MISSING}, f'time: speedup_factor is missing: {POSITIVE}'),
-    ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
-    ({'sensors/co2': [{'Decay-Type': 'linear'}]}, f'{CO2}: Decay-Type {TYPO} decay_type?'),
-    ({'Time': {}, 'time': MISSING}, f'Time {TYPO} time?'),
-    ({'time/speed_factor': 5, 'time/speedup_factor': MISSING}, f'time: speed_factor {TYPO} speedup_factor?'),
-    ({'visualization': 5}, 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
-    ({'visualization/greenhouse_width_m': MISSING}, 'visualization: greenhouse_width_m is missing'),
-    ({'visualization/greenhouse_height_m': 0}, 'visualization: greenhouse_height_m is 0'),
-    ({'visualization/colorbar_ranges': []}, 'colorbar_ranges is a list: must be a mapping, such as {co2'),
-    ({'visualization/colorbar_ranges/co2': 5}, 'co2 is 5: must be a mapping, such as {min: '),
-    ({'visualization/colorbar_ranges/co2/max': -1}, "'co2': max is -1: must be a number from 300"),
-    ({'visualization/colorbar_ranges/co2/min': math.inf}, 'min is inf'),
-    ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
+    ({'time/debug_mode': 'false'}, ": time.debug_mode: 'false'"),
+    ({'time/debug_seed': True}, ': time.debug_seed: True'),
+    ({'time/debug_mode': True, 'time/debug_seed': MISSING}, "time: 'debug_seed' is a required property"),
+    ({'time/debug_mode': True, 'time/debug_time_of_day': MISSING}, "time: 'debug_time_of_day' is a required"),
+    ({'time/debug_time_of_day': 24.000001}, ': time.debug_time_of_day: 24.000001'),
+    ({'time/speedup_factor': 0}, ': time.speedup_factor: 0'),
+    ({'time/speedup_factor': MISSING}, "time: 'speedup_factor' is a required property"),
+    ({'time': MISSING}, "'time' is a required property"),
+    ({'sensors': {}}, ': sensors: {}'),
+    ({'visualization': 5}, ': visualization: 5'),
+    ({'visualization/greenhouse_width_m': MISSING}, ": visualization: 'greenhouse_width_m' is a dependency"),
+    ({'visualization/greenhouse_height_m': 0}, ': visualization.greenhouse_height_m: 0'),
+    ({'visualization/colorbar_ranges': []}, ': visualization.colorbar_ranges: []'),
+    ({'visualization/colorbar_ranges/co2': 5}, ': visualization.colorbar_ranges.co2: 5'),
+    ({'visualization/colorbar_ranges/co2/max': -1}, 'visualization.colorbar_ranges.co2: max is below min'),
+    ({'visualization/colorbar_ranges/co2/min': math.inf}, ': visualization.colorbar_ranges.co2.min: inf'),
+    ({'sensors/pressure': []}, ": sensors: 'pressure' is not one of"),
     ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
-    ({'sensors/co2': []}, "sensor 'co2' is a list: must be a list with at least one component"),
-    ({'sensors/co2': 5}, "sensor 'co2' is a number: must be a list with at least one component"),
-    ({'sensors/co2/1': 'x'}, "sensor 'co2', component 2 is text, not a mapping with value_at_midnight"),
-    ({'sensors/co2/0/dynamics': 'spiral'}, f"{CO2}: unknown dynamics 'spiral': known are linear, radial"),
-    ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}: value_at_midnight is 1e+308: {ANY}'),
-    ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}: value_at_noon is nan: {ANY}'),
-    ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: must be a number from 0 to 1e+12'),
-    ({'sensors/co2/0/decay_distance': 9e-13}, f'{CO2}: decay_distance is 9e-13: {POSITIVE} (metres)'),
-    ({'sensors/co2/0/angle': 'north'}, f"{CO2}: angle is 'north': {ANY} (degrees)"),
-    ({'sensors/co2/0/position': 5}, f'{CO2}: position is 5: must be [x, y] in metres'),
-    ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
+    ({'sensors/co2': []}, ': sensors.co2: []'),
+    ({'sensors/co2': 5}, ': sensors.co2: 5'),
+    ({'sensors/co2/1': 'x'}, ": sensors.co2.1: 'x'"),
+    ({'sensors/co2/0/dynamics': 'spiral'}, f"{CO2}dynamics: 'spiral'"),
+    ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}value_at_midnight: 1e+308'),
+    ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}value_at_noon: nan'),
+    ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}noise_sigma: -1'),
+    ({'sensors/co2/0/decay_distance': 0}, f'{CO2}decay_distance: 0'),
+    ({'sensors/co2/0/angle': 'north'}, f"{CO2}angle: 'north'"),
+    ({'sensors/co2/0/position': 5}, f'{CO2}position: 5'),
+    ({'sensors/co2/0/position': [2]}, f'{CO2}position: [2]'),
+    ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}position.0: '2'"),
 ]
-# Each line has the line before it nine times, or merges it twice.
-LISTS = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] * 9)) for c in range(98, 107))
-MERGES = b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(98, 120))
-TOO_MANY = 'holds more than 100000 values after its aliases are expanded: use fewer aliases'
 BAD_CONFIG_BYTES = [
-    (b'a: &a [x]\n' + LISTS, TOO_MANY),
-    (b'a: &a {k: v}\n' + MERGES, TOO_MANY),
-    (b'a: &a [*a]', TOO_MANY),
-    (b'time:\n  debug_mode: no\n  debug_mode: yes', "'debug_mode' appears twice in the mapping of line 2"),
-    (b'', 'time is missing: must be a mapping, such as {debug_mode: false'),
-    (b'time:\n\tdebug_mode: true\n', 'is not YAML: ScannerError: line 2 has a tab: write spaces'),
-    (b'time: !!int ""\n', 'is not YAML:'),
-    (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
-    (b'2026-11-21 06:00:00\n', 'holds a date at its top level, not a mapping with time and sensors'),
+    (b'a: &a [*a]', "'time' is a required property"),
+    (b'', "'time' is a required property"),
+    (b'time:\n\tdebug_mode: true\n', 'line 2'),
+    (b'time: !!int ""\n', 'is not YAML'),
+    (b'time: 2026-11-21\nsensors: {co2: [{}]}', ': time: '),
+    (b'2026-11-21 06:00:00\n', 'must be a mapping with time and sensors'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
-    (b'[' * 500, 'is too deeply nested: use at most 4 levels'),
+    (b'[' * 500, 'is not YAML'),
+    (b'time: {debug_mode: 0x' + b'f' * 5000 + b'}\nsensors: {}', ''),  # Python refuses to print it
 ]
 BAD_FILES = [
     *(('tag_file', row, message) for row, message in [*BAD_TAGS, *BAD_TAG_BYTES]),
@@ -226,32 +208,38 @@ def test_an_odd_but_good_config_is_served_at_every_hour(write, row, shipped_tags
             assert (sim_time, list(values)) == (pytest.approx(hour * 3600), shipped_tags[tag_id]['sensors'])
 
 
-def test_keys_that_change_no_value_and_defaults_that_do_are_warned_of(write):
-    row = {
-        'notes': 'any',
-        'sensors/co2': [{'value_at_noon': 600, 'colour': 1}, {'dynamics': 'radial', 'position': [1, 1]}],
-        'sensors/light': [{'dynamics': 'linear', 'colour': 2}] * 5,
-    }
-    path = write('sim_config_file', row)
-    ignored, defaults = load('sim_config_file', path).warnings
-    assert ignored == f"sim_config_file '{path}': the simulator ignores the keys notes, colour"
-    values = 'value_at_midnight 20.0, value_at_noon 25.0, noise_sigma 0.0'
-    light = f'{values}, position [0, 0], decay_distance 100.0, decay_type linear, angle 0.0'
-    assert defaults == (
-        f"sim_config_file '{path}': the simulator takes defaults for missing keys, which may be fine:"
-        ' co2 component 1: dynamics uniform, value_at_midnight 20.0, noise_sigma 0.0;'
-        f' co2 component 2: {values}, decay_distance 100.0, decay_type linear;'
-        f' light component 1: {light}; light component 2: {light}; light component 3: {light} and 2 more'
-    )
+def test_keys_that_nothing_reads_are_named_in_one_warning_for_each_file(write):
+    config = write('sim_config_file', {'notes': 'any', 'sensors/co2': [{'colour': 1}], 'time/speed': 2})
+    (warning,) = load('sim_config_file', config).warnings
+    assert f"sim_config_file '{config}'" in warning
+    for place in ('notes', 'sensors.co2.0.colour', 'time.speed'):
+        assert place in warning
+    tags = write('tag_file', {'benches': {}, 'tags/7/colour': 'red', 'units': 'm'})
+    (warning,) = load('tag_file', tags).warnings
+    assert warning == f"tag_file '{tags}': nothing reads the keys tags.7.colour and benches"
+
+
+DEFAULTS = {key: value['default'] for key, value in SCHEMA['definitions']['component']['properties'].items()}
 
 
 @pytest.mark.parametrize('dynamics', ['uniform', 'radial', 'linear'])
 def test_the_defaults_are_those_of_the_simulator(dynamics):
+    """At the point where it is not 0, so that the default position counts, and far from it."""
     given = {'dynamics': dynamics}
-    explicit, silent = CO2Sensor(COMPONENT_DEFAULTS | given), CO2Sensor(given)
+    explicit, silent = CO2Sensor(DEFAULTS | given), CO2Sensor(given)
     for hour in range(24):
-        at = (3.0, 4.0), hour * 3600.0
-        assert explicit.retrieve_data(*at) == silent.retrieve_data(*at)
+        for place in ((0.0, 0.0), (3.0, 4.0), (60.0, 80.0)):
+            at = place, hour * 3600.0
+            assert explicit.retrieve_data(*at) == silent.retrieve_data(*at)
+
+
+@pytest.mark.parametrize('given', [{'debug_seed': 0, 'debug_time_of_day': 0.0}, {'speedup_factor': 1e-9}])
+def test_a_parameter_makes_its_key_in_the_config_unnecessary(write, given):
+    """A seed and an hour of 0 are given, too."""
+    time = {'time': {'debug_mode': False}}
+    path = write('sim_config_file', time)
+    assert simulation.load(Settings(**given), None, path).tag_ids
+    assert 'speedup_factor' in refused(load, 'sim_config_file', path)
 
 
 def test_a_sensor_that_the_config_lacks_is_refused_by_the_commands_too(write, capsys):
@@ -271,7 +259,8 @@ def test_tags_with_sensors_come_in_the_order_of_the_file(write, is_nested):
     greenhouse, layout = load('tag_file', path), read_layout(path)
     assert greenhouse.tag_ids == list(layout.tags) == ['9', '7']
     assert list(simulation.read(greenhouse.sim, '9')[1]) == names
-    assert greenhouse.warnings == ["2 tags without sensors, treated as unknown: '8', '6'"]
+    (*_, warning) = greenhouse.warnings
+    assert 'tags 8 and 6' in warning
     assert layout.tags['9'] == Tag(1.0, 2.5, names)
     assert layout.tables == ({'bench': (0.0, 0.0, 2.0, 1.0)} if is_nested else {})
 
@@ -288,55 +277,18 @@ def test_a_relative_path_to_a_symlink_of_any_name_is_followed(bridge_here, write
 @pytest.mark.parametrize(
     ('make', 'fragment'),
     [
-        (lambda path: path.mkdir(), 'is a folder'),
-        (os.mkfifo, 'is not a regular file'),
-        (lambda path: path.symlink_to(path), 'cannot be read'),
-        (lambda path: path / 'a\0b', r"thing/a\\x00b': cannot be read \(embedded null byte\)"),
+        (lambda path: path.mkdir(), 'Is a directory'),
+        (lambda path: path.symlink_to(path), 'symbolic links'),
+        (lambda path: path / 'a\0b', 'embedded null byte'),
     ],
-    ids=['folder', 'named pipe', 'symlink to itself', 'name with NUL'],
+    ids=['folder', 'symlink to itself', 'name with NUL'],
 )
 def test_what_is_no_plain_file_is_refused(tmp_path, make, fragment):
     path = tmp_path / 'thing'
     path = make(path) or path
     for parameter in PARAMETERS:
-        with pytest.raises(StartUpError, match=f"^{parameter} '{tmp_path}.*{fragment}"):
+        with pytest.raises(StartUpError, match=f"^{parameter} '{tmp_path}.*cannot be read .*{fragment}"):
             load(parameter, path)
-
-
-@pytest.mark.parametrize(('parameter', 'mebibytes'), [('tag_file', 64), ('sim_config_file', 1)])
-def test_a_file_up_to_its_limit_is_read_and_one_byte_more_is_not(write, parameter, mebibytes):
-    path = write(parameter, {})
-    content = path.read_bytes() + b'\n'
-    path.write_bytes(content.ljust(mebibytes * 2**20))
-    read = read_layout if parameter == 'tag_file' else read_config
-    assert read(path)
-    with path.open('ab') as file:
-        file.write(b'\n')
-    assert refused(read, path).endswith(f'is larger than {mebibytes} MiB: use a smaller file')
-
-
-LONG = f's: &s "{"x" * 20_000}"\n'
-
-
-@pytest.mark.parametrize(
-    ('key', 'value', 'shown'),
-    [
-        ('position', f'[{", ".join(["*s"] * 1000)}]', "position is ['xxx"),
-        ('dynamics', f'[{", ".join(["*s"] * 1000)}]', "unknown dynamics ['xxx"),
-        ('position', f'[0x{"f" * 5000}]', 'position is a list: must be'),
-        ('dynamics', f'0x{"f" * 5000}', 'unknown dynamics a number: known'),
-    ],
-)
-def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value, shown):
-    """The first ones would be twenty megabytes of text, and Python refuses to print the other two."""
-    text = f'{LONG}time: {{debug_mode: false, speedup_factor: 1}}\nsensors: {{co2: [{{{key}: {value}}}]}}'
-    path = write('sim_config_file', text.encode())
-    tracemalloc.start()
-    try:
-        assert shown in refused(read_config, path)
-        assert tracemalloc.get_traced_memory()[1] < 8e6
-    finally:
-        tracemalloc.stop()
 
 
 def test_the_shipped_layout_is_that_of_the_simulator_if_there_is_one(shipped_tags, monkeypatch):
@@ -346,20 +298,6 @@ def test_the_shipped_layout_is_that_of_the_simulator_if_there_is_one(shipped_tag
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert shipped_file('tag_locations.json') is None
     assert find_layout('') is None
-
-
-@pytest.mark.parametrize(
-    ('tables', 'fragment'),
-    [
-        ([], 'tables is a list, not an object, such as {"bench": {"x0": 0'),
-        ({'t': 7}, "table 't' is a number, not an object"),
-        ({'t': {'x0': 0}}, "table 't': y0 is missing: must be a number"),
-    ],
-)
-def test_a_malformed_table_is_refused_where_the_tables_matter_and_only_there(write, tables, fragment):
-    path = write('tag_file', {'tables': tables})
-    assert f"tag_file '{path}': {fragment}" in refused(read_layout, path)
-    assert list(read_layout(path, has_tables=False).tags) == ['7']
 
 
 def test_ids_come_in_natural_order():

@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import shlex
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -17,11 +16,9 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.runtime.parameters import default_text
-from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
-from lupin_greenhouse_bridge.runtime.run import node_creation
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.testing._helpers import check_settings
+from lupin_greenhouse_bridge.testing._helpers import check_settings, running
 
 SHARE = get_package_share_path('lupin_greenhouse_bridge')
 PARAMETER_FILE = SHARE / 'config/greenhouse_bridge.yaml'
@@ -77,8 +74,8 @@ def test_the_path_is_not_blamed_where_it_is_no_string(write_layout, monkeypatch)
         ('debug_seed', '-2', 'must be 0 or above'),
         ('debug_seed', '1.5', 'is 1.5: must be a whole number'),
         ('tag_file', '7', 'is 7: must be text'),
-        ('sim_config_file', '~/none.yaml', "/~/none.yaml' (~ is not expanded)"),
-        ('tag_file', '/none.json', 'cannot be read (No such file or directory): name a file that you can'),
+        ('sim_config_file', '~/none.yaml', "/~/none.yaml'"),
+        ('tag_file', '/none.json', 'cannot be read (No such file or directory)'),
         ('use_sim_time', 'perhaps', 'use_sim_time'),
     ],
 )
@@ -120,63 +117,28 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'fault'),
+    'arguments',
     [
-        ('--params-file /missing.yaml', "parameter file '/missing.yaml' cannot be read (Error opening YAML"),
-        ('--log-level loud', '--log-level loud: must be debug, info, warn, error or fatal'),
-        ('-p debug_seed=42', "'debug_seed=42' sets no parameter: write debug_seed:=42"),
-        ('debug_seed:=42', "'debug_seed:=42' lacks its -p: write -p debug_seed:=42"),
-        ('debug_seed=42', "'debug_seed=42' lacks its -p: write -p debug_seed:=42"),
-        ('-p debug_seed:= -p 42', "'debug_seed:=' sets no parameter: write debug_seed:=42"),
-        ('-p debug-seed := 42', "'debug-seed' sets no parameter: write debug_seed:=42"),
-        ('-p debug_seed:42', "'debug_seed:42' sets no parameter: write debug_seed:=42, without"),
-        ('-p "debug_seed := 42"', "'debug_seed := 42' sets no parameter: write debug_seed:=42"),
-        ('-p tag_file:=my -p tags.json', "quote a value with spaces, such as tag_file:='A B'"),
-        ('-p 42 -p debug_seed:=1', "'42' sets no parameter: write NAME:=VALUE, without"),
-        ('-p -p -p debug_seed:=1', "'-p' sets no parameter: write NAME:=VALUE in its place"),
-        ('-p x:=[1, 2]', '-p "x:=\'[1,\'"; a list has no spaces'),
-        ('-p', '-p has no value: write one after it, like -p name:=value'),
-        ('-r __ns:=team7', "namespace 'team7' must begin with /: write -r __ns:=/team7"),
-        ('-p --debug_seed:=42', "'--debug_seed:=42' sets no parameter: write debug_seed:=42 in its"),
-        ('-r a/b:=/front/image-raw', "'a/b:=/front/image-raw': a name has letters, digits and _ only"),
-        ('-r __ns:=7x', "'__ns:=7x': a name has letters, digits and _ only, and begins with no digit"),
-        ('-r a b', "ROS cannot rename by 'a': write FROM:=TO, like -r __ns:=/robot1"),
-        ('--seed 42', "'--seed' is no ROS argument: write it before --ros-args, or a parameter as -p"),
-        ('-p tag_file:={id:03d}', 'such as -p "tag_file:=\'{id:03d}\'"'),
+        '--params-file /missing.yaml',
+        '--log-level loud',
+        '-p debug_seed=42',
+        '-p x:=[',
+        '-r __ns:=7x',
+        '--seed 42',
     ],
 )
-def test_what_ros_cannot_parse_is_told_apart(bridge_here, arguments, fault):
-    ended = bridge_here(*shlex.split(arguments))
-    assert fault in ended.refusal
-    assert ended.err.count('\n') == 1
+def test_what_ros_cannot_parse_is_one_fatal_line_with_the_words_of_ros(bridge_here, arguments):
+    fatal = bridge_here(*arguments.split()).refusal
+    assert 'ROS cannot start: ' in fatal
+    assert arguments.split()[-1] in fatal
 
 
-@pytest.mark.parametrize(
-    ('name', 'value', 'fault'),
-    [
-        ('ROS_DOMAIN_ID', 'abc', "ROS_DOMAIN_ID is 'abc': must be a whole number from 0 to 232"),
-        ('ROS_DOMAIN_ID', '233', "ROS_DOMAIN_ID is '233': must be a whole number from 0 to 232"),
-        ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'subnet', "'subnet': must be one of SUBNET, LOCALHOST, OFF"),
-        ('ROS_LOCALHOST_ONLY', 'yes', "ROS_LOCALHOST_ONLY is 'yes': must be one of 0, 1"),
-        ('ROS_SECURITY_ENABLE', 'True', "ROS_SECURITY_ENABLE is 'True': must be one of true, false"),
-        ('ROS_SECURITY_STRATEGY', 'enforce', "'enforce': must be one of Enforce, Permissive"),
-        ('FASTDDS_DEFAULT_PROFILES_FILE', '/none.xml', "FASTDDS_DEFAULT_PROFILES_FILE names no file: '/none"),
-        ('FASTRTPS_DEFAULT_PROFILES_FILE', '/none.xml', 'set it to the path of an XML file, or unset it'),
-        ('ROS_LOG_DIR', '/dev/null/log', "the folder '/dev/null/log' for its logs: set ROS_LOG_DIR to"),
-    ],
-)
-def test_a_variable_that_ros_cannot_use_is_named(bridge_here, monkeypatch, name, value, fault):
-    monkeypatch.setenv(name, value)
+@pytest.mark.parametrize(('domain_id', 'is_refused'), [('233', True), ('101', False)])
+def test_a_domain_that_dds_does_not_have_is_refused(bridge_here, monkeypatch, domain_id, is_refused):
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain_id)
     ended = bridge_here()
-    assert fault in ended.refusal
-    assert ended.err.count('\n') == 1
-
-
-def test_a_static_peer_that_is_no_host_is_named():
-    """With the words of rmw_fastrtps; Humble has no such variable."""
-    message = "^ROS_STATIC_PEERS has 'abc', which is no host that is known: write host names or addresses"
-    with pytest.raises(StartUpError, match=message), node_creation():
-        raise RCLError('error creating node: Unable to resolve peer abc\n, at /src/participant.cpp:256')
+    assert ended.code == is_refused
+    assert ('ROS_DOMAIN_ID is 233: must be from 0 to 232' in ended.err) == is_refused
 
 
 @pytest.mark.parametrize('arguments', [('--ros-args', '-p', '--help'), ('--ros-args', '-h'), ('--help',)])
@@ -188,7 +150,7 @@ def test_help_may_come_after_the_ros_arguments(run_here, arguments):
 
 def test_a_parameter_without_ros_args_is_shown_with_them(run_here):
     fatal = run_here(bridge_node.main, 'debug_seed:=42').refusal
-    assert "unknown argument 'debug_seed:=42': set parameters with --ros-args -p debug_seed:=42, or" in fatal
+    assert "unknown argument 'debug_seed:=42': set parameters with --ros-args -p name:=value" in fatal
 
 
 @pytest.fixture
@@ -218,19 +180,13 @@ def launched(launch, description):
     return run
 
 
-def test_launch_forwards_what_is_set_and_warns_of_a_name_that_resembles_an_argument(launched, caplog):
-    """
-    Whole numbers, as people type them; they override the parameter file.
-
-    The other name is no error, because it may be an argument of a launch file that includes this one.
-    """
-    given = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7, 'tag_fle': 42}
+def test_launch_forwards_what_is_set(launched):
+    """Whole numbers, as people type them; they override the parameter file."""
+    given = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7}
     code, log = launched(**given, params_file=PARAMETER_FILE, namespace='robot1', log_level='debug')
     assert code == 0
     for part in ('clock frozen at 6.0 h', '[robot1.greenhouse_bridge]', '[DEBUG]'):
         assert part in log
-    warnings = [record.message for record in caplog.records if record.levelname == 'WARNING']
-    assert 'argument tag_fle is unknown: did you mean tag_file?' in warnings
 
 
 @pytest.mark.parametrize(
@@ -269,14 +225,24 @@ def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
     ended = bridge_here(seed=42, use_sim_time='false', debug_sed=7, **settings)
     assert ended.code == 0
     assert '; clock frozen at 6 h; ' in ended.err
-    assert [line.partition(': ')[2][:60] for line in ended.err.splitlines() if '[WARN]' in line] == [
-        'parameter seed is unknown and ignored: its parameters are de',
-        'parameter debug_sed is unknown and ignored: its parameters a',
-        'speedup_factor has no effect: debug mode freezes the simulat',
+    assert [line.partition(': ')[2][:45] for line in ended.err.splitlines() if '[WARN]' in line] == [
+        'parameter seed is unknown and ignored: see --',
+        'parameter debug_sed is unknown and ignored: s',
+        'speedup_factor has no effect: debug mode free',
     ]
-    # It resembles one that is not set.
-    warning = 'parameter debug_sed is unknown and ignored: did you mean debug_seed?'
-    assert warning in bridge_here(debug_sed=7).err
+
+
+def test_a_dump_of_the_parameters_of_a_running_bridge_can_be_given_back(bridge_here, tmp_path):
+    """As `ros2 param dump` writes it."""
+    with running(bridge_node.GreenhouseBridgeNode, debug_time_of_day=6.0) as (bridge,):
+        parameters = {name: each.value for name, each in bridge.get_parameters_by_prefix('').items()}
+    assert parameters['loaded_tag_ids']
+    file = tmp_path / 'dump.yaml'
+    file.write_text(yaml.safe_dump({'/greenhouse_bridge': {'ros__parameters': parameters}}), encoding='utf-8')
+    ended = bridge_here('--params-file', str(file))
+    assert ended.code == 0
+    assert 'clock frozen at 6.0 h' in ended.err
+    assert '[WARN]' not in ended.err
 
 
 SIMULATOR = 'greenhouse_sim.simulator.GreenhouseSimulator'
@@ -305,16 +271,3 @@ def test_a_simulator_that_is_old_missing_or_broken_is_refused(monkeypatch, calle
     monkeypatch.setattr(called, answered)
     with pytest.raises(StartUpError, match=message):
         simulation.load(Settings(), None, None)
-
-
-def test_a_bridge_that_needs_a_discovery_server_says_so(bridge_here, monkeypatch):
-    load = bridge_node.simulation.load
-
-    def load_later(*arguments, **keywords):  # after ROS, which would keep the variable for the whole process
-        monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811')
-        return load(*arguments, **keywords)
-
-    monkeypatch.setattr(bridge_node.simulation, 'load', load_later)
-    log = bridge_here().err
-    assert 'only while the discovery server runs: ROS_DOMAIN_ID=' in log
-    assert 'ROS_DISCOVERY_SERVER=127.0.0.1:11811' in log

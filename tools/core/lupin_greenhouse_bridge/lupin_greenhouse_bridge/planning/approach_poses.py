@@ -24,7 +24,6 @@ from lupin_greenhouse_bridge.runtime.output import (
     aligned_table,
     check_output_file,
     print_line,
-    said_if_slow,
 )
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -108,8 +107,7 @@ def _compute(options: argparse.Namespace) -> Poses:
     finally:
         progress.clear()
     if options.picture:
-        with said_if_slow('approach_poses', 'drawing the picture'):
-            _draw(options.picture, layout, walls, approaches, route, occupancy)
+        _draw(options.picture, layout, walls, approaches, route, occupancy)
         _warn(f'picture: {escaped(str(options.picture), 500)}')
     return _data_of(approaches, route, transform)
 

@@ -13,8 +13,9 @@ from scipy import ndimage
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, reason_of
 from lupin_greenhouse_bridge.planning.registration import POSE_LIMITS, Transform
 from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M
+from lupin_greenhouse_bridge.planning.values import number
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
+from lupin_greenhouse_bridge.simulator.files import read_yaml
 
 # Of a cell from 0 to 100 %; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, reason_of
-from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml, refuse_unknown_keys
+from lupin_greenhouse_bridge.planning.values import number, refuse_unknown_keys
+from lupin_greenhouse_bridge.simulator.files import read_yaml
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
 HEAD = f'# The pose of the frame {LAYOUT_FRAME} (the layout) in the map: metres and radians.\n'

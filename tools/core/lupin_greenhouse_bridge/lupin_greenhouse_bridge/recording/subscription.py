@@ -12,7 +12,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.runtime.graph import discovery_settings
+from lupin_greenhouse_bridge.runtime.graph import domain_id
 from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
 from lupin_greenhouse_bridge.runtime.rclpy_internals import (
     SubscriptionEventCallbacks,
@@ -102,8 +102,8 @@ def watch_publishers(node: Node, topics: list[str], awaited: str, remark: str = 
         elif not has_said and time.monotonic() >= deadline:
             has_said = True
             node.get_logger().info(
-                f'no publisher of {" or ".join(topics)} is found yet with {discovery_settings()}: wait for'
-                f' {awaited}, or set these variables as for it{remark}'
+                f'no publisher of {" or ".join(topics)} is found yet on domain {domain_id()}:'
+                f' wait for {awaited}, or set ROS_DOMAIN_ID to its domain{remark}'
             )
 
     timer = steady_timer(node, LOOK_EVERY_SECONDS, look)

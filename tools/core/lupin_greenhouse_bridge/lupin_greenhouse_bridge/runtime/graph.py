@@ -6,19 +6,10 @@ from collections.abc import Callable
 
 from rclpy.node import Node, NodeNameNonExistentError
 
-from lupin_greenhouse_bridge.errors import escaped
 
-DISCOVERY_VARIABLES = (
-    'ROS_DISCOVERY_SERVER', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS',
-    'RMW_IMPLEMENTATION',
-)  # fmt: skip
-
-
-def discovery_settings() -> str:
-    """Return the environment variables that decide which nodes find each other, each with its value."""
-    values = {'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID') or '0'}
-    values |= {name: os.environ[name] for name in DISCOVERY_VARIABLES if os.environ.get(name)}
-    return ', '.join(f'{name}={escaped(value, 64)}' for name, value in values.items())
+def domain_id() -> str:
+    """Return the ROS domain of this process, as text."""
+    return os.environ.get('ROS_DOMAIN_ID') or '0'
 
 
 def namesake_warning(node: Node) -> str:
@@ -26,10 +17,10 @@ def namesake_warning(node: Node) -> str:
     own = node.get_name(), node.get_namespace()
     if node.get_node_names_and_namespaces().count(own) < 2:
         return ''
-    name, domain = node.get_fully_qualified_name(), os.environ.get('ROS_DOMAIN_ID', '0')
     return (
-        f'another node named {name} is on domain {domain}, so others get the replies and messages of both:'
-        ' stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own'
+        f'another node named {node.get_fully_qualified_name()} is on domain {domain_id()}, so others get'
+        ' the replies and messages of both: stop one of them, or give one a namespace or a ROS_DOMAIN_ID of'
+        ' its own'
     )
 
 
@@ -55,15 +46,15 @@ def servers_of(node: Node, service_name: str) -> list[str]:
     return nodes_with(full_name, node, node.get_service_names_and_types_by_node)
 
 
-def duplicate_server_warning(node: Node, service_name: str, *, has_namesakes: bool = False) -> str:
+def duplicate_server_warning(node: Node, service_name: str) -> str:
     """
     Return a warning if several nodes offer a service; '' otherwise.
 
-    Nodes with the same name count as one node, unless `has_namesakes` is set: ROS lists a node twice for some
-    seconds after it was killed and started again.
+    Nodes with the same name count as one node: ROS lists a node twice for some seconds after it was killed
+    and started again.
     """
     servers = servers_of(node, service_name)
-    if len(servers if has_namesakes else set(servers)) < 2:
+    if len(set(servers)) < 2:
         return ''
     name, names = node.resolve_service_name(service_name), ' and '.join(servers)
     return f'{name} is offered by {names}: clients use the first reply; stop one of them, or rename it'

@@ -1,33 +1,22 @@
 """What a command prints, and the file that it writes. Does not import ROS."""
 
-import contextlib
 import os
 import sys
-import threading
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
 from lupin_greenhouse_bridge.errors import UsageError
-from lupin_greenhouse_bridge.runtime.process import lose_output
 
 # What the first bytes of a page or a picture have that one of these commands has written.
 MARKS = {'.html': b'<title>Readings of', '.png': b'Matplotlib', '.svg': b'Matplotlib'}
 HEAD_BYTES = 4096
 
 
-def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None = None) -> list[int]:
-    """Return the width of each column in characters, none of them narrower than `at_least`."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return list(map(max, widths, at_least)) if at_least else widths
-
-
-def aligned_table(
-    rows: Sequence[Sequence[str]], numeric_columns: Collection[int], widths: Sequence[int] | None = None
-) -> list[str]:
+def aligned_table(rows: Sequence[Sequence[str]], numeric_columns: Collection[int]) -> list[str]:
     """Return a line for each row. Each column is as wide as its widest cell; numbers are aligned right."""
-    widths = widths or column_widths(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         '  '.join(
             cell.rjust(width) if column in numeric_columns else cell.ljust(width)
@@ -38,12 +27,12 @@ def aligned_table(
 
 
 def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None:
-    """Print a text, by default to standard output. If the output is full or closed, the command continues."""
+    """Print a text, by default to standard output. A closed pipe ends the program, as `| head` means it."""
     try:
         print(text, end=end, file=stream, flush=True)
-    except OSError as error:
-        if stream is None:
-            lose_output(error)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it again at the end
+        sys.exit(1)
 
 
 def check_output_file(
@@ -77,14 +66,6 @@ def check_output_file(
         raise UsageError(f'{where}: {error.strerror}: name another file') from error
 
 
-def terminal_size(stream: TextIO) -> tuple[int, int]:
-    """Return the columns and rows of the window, not of COLUMNS and LINES; 80 and 24 if it has no size."""
-    columns = rows = 0
-    with contextlib.suppress(OSError, ValueError):  # no terminal, or a closed stream
-        columns, rows = os.get_terminal_size(stream.fileno())
-    return columns or 80, rows or 24
-
-
 class ProgressLine:
     """
     The last line of a terminal, where each text replaces the previous one; nothing in a pipe.
@@ -102,7 +83,7 @@ class ProgressLine:
         """Show a text, cut to the width of the terminal."""
         if self._stream and self.is_visible and text != self._text:
             self._text = text
-            columns, _ = terminal_size(self._stream)
+            columns = os.get_terminal_size(self._stream.fileno()).columns or 80
             print_line(f'\r\x1b[K{text[: columns - 1]}\r', self._stream, end='')
 
     def clear(self) -> None:
@@ -135,17 +116,3 @@ class Progress(ProgressLine):
         else:
             print_line(text, sys.stderr)
         self._due = now + (self.REPLACED_SECONDS if self.is_visible else self.NEXT_SECONDS)
-
-
-@contextlib.contextmanager
-def said_if_slow(command: str, what: str, seconds: float = 3.0) -> Iterator[None]:
-    """Say on standard error what a command does in this block, if it takes longer than this time."""
-    progress = Progress(command, first_seconds=0.0)
-    timer = threading.Timer(seconds, progress.say, [what])
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-        timer.join()
-        progress.clear()

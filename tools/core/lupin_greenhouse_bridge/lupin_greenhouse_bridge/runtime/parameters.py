@@ -1,12 +1,11 @@
 """The parameters of a node, as fields of a dataclass. Imports ROS late, for launch files and planners."""
 
-import itertools
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import Field, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped, meant_name
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
 SettingsT = TypeVar('SettingsT')
 OF_ROS_NAMES = '_topic', '_service', '_service_name', '_action_name'  # endings of such parameters
 ROS_NAME = re.compile(r'~|(~?/)?[A-Z_]\w*(/[A-Z_]\w*)*', re.ASCII | re.IGNORECASE)
-MOST_NAMED = 8  # parameters in a warning
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 WANTED: dict[Any, str] = {
     str: 'text (put quotes around a number)',
@@ -117,42 +115,11 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
 
     given = parameter_overrides(node)
     unknown = [name for name in given if not node.has_parameter(name)]
-    own = sorted(node.get_parameters_by_prefix('').keys() - set(OF_EVERY_NODE))
-    missing = set(own) - set(given)
     if unused := [name for name in without_effect if name in unknown]:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
     for name in unknown:
         if name not in without_effect:
-            meant = meant_name(name, missing, alike=0.75)  # short names
-            names = ', '.join(own) or 'none'
-            known = f'its parameters are {names}' if len(own) <= MOST_NAMED else 'see --help'
-            advice = f'did you mean {meant}?' if meant else known
-            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: {advice}')
-
-
-def fault_of_rule(rule: str, words: Sequence[str]) -> str:
-    """Return what is wrong with a parameter among the words of the command line, and what to write."""
-    if rule.startswith('-'):
-        name, value = [*re.split('[:=]+', rule.lstrip('-'), maxsplit=1), ''][:2]
-        name = name.replace('-', '_') if rule.startswith('--') else 'NAME'
-        return f"'{rule}' sets no parameter: write {name}:={value or 'VALUE'} in its place"
-    before = words[words.index(rule) - 2] if rule in words[2:] else ''
-    if ':=' in before and not re.search('[:=]', rule):  # ci/serve puts -p before each word
-        name = before.partition(':=')[0]
-        return f"'{rule}' sets no parameter: quote a value with spaces, such as {name}:='A B'"
-    separator = r'\s*:=\s*' if ':=' in rule else r'\s*[:=]+\s*'
-    name, value = [*re.split(separator, rule, maxsplit=1), ''][:2]
-    if value and rule == f'{name}:={value}' and re.fullmatch(r'[A-Za-z][\w.:/]*', name):
-        quoted, spaces = f'"{name}:=\'{value}\'"', '; a list has no spaces' if value.startswith('[') else ''
-        return f'-p {rule}: ROS reads each value as YAML: quote it once more, such as -p {quoted}{spaces}'
-    if not value:  # it is one of the next words
-        following = itertools.takewhile(
-            lambda word: not re.search(r'\w:=', word), words[words.index(rule) + 1 :]
-        )
-        values = [word.strip(':=') for word in following if word != '-p']
-        value = next(filter(None, values), 'VALUE')
-    name = name.replace('-', '_') if re.fullmatch(r'[A-Za-z][\w.-]*', name) else 'NAME'
-    return f"'{rule}' sets no parameter: write {name}:={value}, without spaces"
+            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
 
 
 def default_text(parameter: 'Field[Any]') -> str:
