@@ -44,10 +44,9 @@ class Plan:
             most_per_tag=settings.max_poses,
             occupancy=occupancy and occupancy.in_layout(layout_in_map),
         )
-        self._free_space, self._poses = found.free_space, found.poses
-        self._region_of, self._region = found.region_of, found.region
+        self._grid, self._region, self._poses = found.grid, found.region, found.poses
         self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
-        self.warnings += [*found.map_warnings, *found.view_warnings.values()]
+        self.warnings += [*found.grid_warnings, *found.view_warnings.values()]
         self.goals = {
             tag_id: [
                 PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
@@ -65,7 +64,7 @@ class Plan:
     def is_for(self, robot_in_map_m: Place | None) -> bool:
         """Return whether the robot can reach the poses, or its place is unknown, or not free."""
         robot_m = self._free_in_layout(robot_in_map_m)
-        return robot_m is None or self._region_of(robot_m) == self._region
+        return robot_m is None or self._grid.region_of(robot_m) == self._region
 
     def shortest(
         self, tag_ids: list[str], robot_in_map_m: Place | None = None, dock_in_map_m: Place | None = None
@@ -79,9 +78,7 @@ class Plan:
         """
         robot_m, dock_m = map(self._free_in_layout, (robot_in_map_m, dock_in_map_m))
         with_pose = [tag_id for tag_id in tag_ids if tag_id in self._poses]
-        route = plan_route(
-            self._free_space, self._poses, robot_m or dock_m, 'shortest', with_pose, end_m=dock_m
-        )
+        route = plan_route(self._grid, self._poses, robot_m or dock_m, 'shortest', with_pose, end_m=dock_m)
         return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
 
     def _free_in_layout(self, place_in_map_m: Place | None) -> Place | None:
@@ -89,4 +86,4 @@ class Plan:
         if place_in_map_m is None:
             return None
         place_m = self._map_in_layout.point(*place_in_map_m)
-        return place_m if self._free_space.is_free(*place_m) else None
+        return place_m if self._grid.is_free(*place_m) else None

@@ -112,8 +112,11 @@ class Settings:
     arrival_tolerance_m: float = _limit(
         'arrival_tolerance_m', 0.0, 1.0, 'How far from its pose the robot may stop, in metres.'
     )
-    arrival_tolerance_rad: float = _limit(
-        'arrival_tolerance_rad', 0.0, math.pi, 'How far the robot may be turned from its pose, in radians.'
+    arrival_tolerance_rad: float = parameter(
+        0.15,
+        'How far the robot may be turned from its pose, in radians.',
+        smallest=0.0,
+        largest=math.pi,
     )
     camera_offset_m: float = _limit(
         'camera_offset_m',
@@ -238,7 +241,6 @@ class Settings:
             largest_standoff_m=max(ViewingLimits.largest_standoff_m, standoff_m),
             clearance_m=self.approach_clearance_m,
             arrival_tolerance_m=self.arrival_tolerance_m,
-            arrival_tolerance_rad=self.arrival_tolerance_rad,
             camera_offset_m=self.camera_offset_m,
         )
 

@@ -28,7 +28,7 @@ def plan(in_map=AS_IT_IS, **parameters) -> Plan:
 
 def test_the_robot_stands_before_a_tag_and_looks_at_it():
     assert plan().goals['1'][0] == pytest.approx((0.5, 0.5, math.pi / 2))
-    for standoff_m in (0.28, 0.75, 1.3):
+    for standoff_m in (0.35, 0.75, 1.2):
         goal = plan(approach_standoff_m=standoff_m).goals['1'][0]
         assert goal == pytest.approx((0.5, 1.0 - standoff_m, math.pi / 2))
     assert plan(TURNED).goals['1'][0] == pytest.approx((9.5, 20.5, math.pi))
@@ -46,6 +46,14 @@ def test_a_goal_has_its_room_in_the_map_where_the_layout_lies():
     goals, without = Plan(LAYOUT, SETTINGS, TURNED, occupancy).goals, plan(TURNED).goals
     assert {tag_id for tag_id in goals if goals[tag_id][0] != without[tag_id][0]} == {'1'}
     assert all(math.dist(goal[:2], (x, y)) >= 0.25 for goal in goals['1'])
+
+
+def test_the_shortest_order_knows_the_obstacles_of_the_map():
+    """A barrier south of the table, in the map alone, is between tags 1 and 3 and tags 4 and 2."""
+    cells = [100 * (row < 16 and column in (35, 36)) for row in range(42) for column in range(72)]
+    occupancy = OccupancyMap(72, 42, 0.1, (-1.6, -0.6, 0.0), cells)  # of 0.1 m, between the walls
+    assert plan().shortest(list('1234'), (2.8, 0.4)) == list('2431')
+    assert Plan(LAYOUT, SETTINGS, AS_IT_IS, occupancy).shortest(list('1234'), (2.8, 0.4)) == list('4213')
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_what_cannot_be_is_refused(parameters, reason):
 
 def test_the_limits_of_the_approach_poses_are_those_of_the_parameters():
     """A preferred standoff beyond the usual ones is allowed too."""
-    names = ('robot_radius_m', 'arrival_tolerance_m', 'arrival_tolerance_rad', 'camera_offset_m')
+    names = ('robot_radius_m', 'arrival_tolerance_m', 'camera_offset_m')
     limits = {name: number / 100 for number, name in enumerate(names, 1)}
     for standoff_m, extreme in ((0.28, 'smallest'), (1.3, 'largest')):
         standoffs = {'preferred_standoff_m': standoff_m, f'{extreme}_standoff_m': standoff_m}

@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterable
 
 import numpy as np
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.grid import Grid
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
 from lupin_simulation.settings import Settings
@@ -73,15 +73,13 @@ class DiscRobot:
         self._seconds = 0.0
 
 
-def arrival_at(
-    goal: PoseInPlane, settings: Settings, chance: random.Random, free_space: FreeSpace
-) -> PoseInPlane:
+def arrival_at(goal: PoseInPlane, settings: Settings, chance: random.Random, grid: Grid) -> PoseInPlane:
     """Return the pose at which a robot stops, with a random error. An obstacle stops it earlier."""
     distance_m = chance.uniform(0.0, settings.arrival_error_m)
     direction = chance.uniform(-math.pi, math.pi)
     yaw = goal.yaw + chance.uniform(-settings.arrival_error_rad, settings.arrival_error_rad)
     step_m = distance_m * np.array([math.cos(direction), math.sin(direction)])
     points = goal[:2] + np.linspace(0.0, 1.0, 50)[:, None] * step_m
-    is_free = free_space.are_free(points)
+    is_free = grid.are_free(points)
     x, y = points[-1] if is_free.all() else points[max(np.argmin(is_free) - 1, 0)]
     return PoseInPlane(float(x), float(y), yaw)

@@ -17,7 +17,6 @@ from typing import Any, TypeAlias
 from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.runtime.output import check_output_file
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
@@ -53,7 +52,7 @@ class FakeNavigator(Node):
         self._settings = settings = declare_parameters(self, Settings)
         if settings.route_file:
             check_output_file(Path(settings.route_file), 'route_file', mark=ROUTE_HEADER.encode())
-        self._space = settings.free_space()
+        self._grid = settings.grid()
         self._chance = random.Random(0)  # noqa: S311 - not for cryptography
         self._action = navigate_to_pose('fake_navigator', '')
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
@@ -100,17 +99,17 @@ class FakeNavigator(Node):
             self._end(self._goal, 'a newer goal has come')
         self._goal = goal
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        path = shortest_path(self._space, start[:2], target[:2])
+        path = self._grid.path(start[:2], target[:2])
         if path is None:
             self._end(goal, *self._failure_of(start, target))
         else:
-            arrival = arrival_at(target, self._settings, self._chance, self._space)
+            arrival = arrival_at(target, self._settings, self._chance, self._grid)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
 
     def _failure_of(self, start: PoseInPlane, target: PoseInPlane) -> tuple[str, int]:
         """Return why there is no path, and Nav2's code for it."""
         here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
-        if not self._space.is_free(*target[:2]):
+        if not self._grid.is_free(*target[:2]):
             return f'the goal at {there} is occupied', GOAL_OCCUPIED
         return f'no path from {here} to goal {there}', NO_VALID_PATH
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.grid import Grid
 from lupin_greenhouse_bridge.planning.walls import (
     Walls,
     find_walls,
@@ -81,15 +81,15 @@ class Settings(LayoutSettings):
         edges = iter(parse_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def free_space(self) -> FreeSpace:
-        """Return the free space, with the obstacles; raises StartUpError if the robot cannot start there."""
+    def grid(self) -> Grid:
+        """Return the grid, with the obstacles; raises StartUpError if the robot cannot start there."""
         layout, walls = self.read_layout()
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         layout = layout._replace(tables=layout.tables | obstacles)
-        free_space = FreeSpace(layout, walls, self.robot_radius_m)
-        if not free_space.is_free(*self.start[:2]):
+        grid = Grid(layout, walls, self.robot_radius_m, smallest_room_m=0.0)
+        if not grid.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
                 ' does not fit there: choose another, or change blocked'
             )
-        return free_space
+        return grid

@@ -83,8 +83,8 @@ def test_each_parameter_has_its_type_and_its_limits(node):
 def arrivals(goal: PoseInPlane, seed: int = 0, **parameters) -> list[PoseInPlane]:
     """Return where a robot arrives that is sent to one goal a hundred times."""
     settings, chance = Settings(**parameters), random.Random(seed)
-    free_space = settings.free_space()
-    return [arrival_at(goal, settings, chance, free_space) for _ in range(100)]
+    grid = settings.grid()
+    return [arrival_at(goal, settings, chance, grid) for _ in range(100)]
 
 
 def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats_itself():
@@ -100,6 +100,6 @@ def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats
 def test_a_table_stops_a_robot_that_arrives_beside_its_goal():
     settings = {'arrival_error_m': 0.06, 'blocked': '0.0 1.0 1.0 1.5'}
     found = arrivals(PoseInPlane(0.5, 0.79, 0.0), **settings)
-    assert Settings(**settings).free_space().are_free([each[:2] for each in found]).all()
+    assert Settings(**settings).grid().are_free([each[:2] for each in found]).all()
     assert min(each.y for each in found) < 0.75  # the way from the table is free
     assert max(each.y for each in found) > 0.79

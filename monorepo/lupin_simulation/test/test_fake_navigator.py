@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.grid import Grid, length_m
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
@@ -137,7 +137,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     goal = client.send(FAR)
     wait_until(lambda: client.feedback and client.odometry and client.estimates)  # three topics
     clock.pass_seconds(5.0)
-    wait_until(lambda: client.feedback[-1].feedback.distance_remaining < FreeSpace.length_m([START, FAR[:2]]))
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining < length_m([START, FAR[:2]]))
     feedback = client.feedback[-1].feedback
     assert feedback.current_pose.header.frame_id == 'map'
     assert 0.0 < feedback.distance_remaining < client.feedback[0].feedback.distance_remaining
@@ -152,8 +152,8 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     header, *lines = (tmp_path / 'route.csv').read_text(encoding='utf-8').splitlines()
     route = [tuple(map(float, line.split(','))) for line in lines]
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
-    assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
-    assert FreeSpace(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
+    assert length_m(route) > math.dist(START, FAR[:2]) + 0.1
+    assert Grid(LAYOUT, WALLS, 0.19, smallest_room_m=0.0).are_in_sight(route[:-1], route[1:]).all()
     client.feedback.clear()
     client.send(FAR._replace(yaw=FAR.yaw + 3.0))
     clock.pass_seconds(0.1)  # it only turns

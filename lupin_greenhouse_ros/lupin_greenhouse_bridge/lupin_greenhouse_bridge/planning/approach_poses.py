@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform, read_regist
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
-from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser, number_type
+from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser
 from lupin_greenhouse_bridge.runtime.output import (
     Progress,
     aligned_table,
@@ -34,14 +34,14 @@ ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = {  # by field of ViewingLimits: option, and help
     'robot_radius_m': ('--radius', 'radius of the robot in metres'),
     'clearance_m': ('--clearance', 'room beyond the radius to tables, walls and tags'),
+    'arrival_tolerance_m': (
+        '--arrival-tolerance',
+        "how far from its pose the robot may stop, like Nav2's xy_goal_tolerance",
+    ),
     'preferred_standoff_m': ('--standoff', 'preferred distance to the tag'),
     'smallest_standoff_m': ('--smallest-standoff', 'smallest distance to the tag'),
     'largest_standoff_m': ('--largest-standoff', 'largest distance to the tag'),
     'largest_angle_rad': ('--angle', 'largest incidence angle'),
-    'steepest_angle_rad': (
-        '--steepest-angle',
-        'largest incidence angle if no pose within --angle has 2 cm of room',
-    ),
     'camera_offset_m': ('--camera-offset', "how far the camera is ahead of the robot's centre"),
 }
 
@@ -70,8 +70,6 @@ def _compute(options: argparse.Namespace) -> Poses:
     walls = find_walls(layout, options.sim_config_file, options.walls)
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
-    if limits.largest_angle_rad > limits.steepest_angle_rad != ViewingLimits.steepest_angle_rad:
-        warnings.append('--steepest-angle is below --angle, and has no effect')
     occupancy = None
     if options.unknown and not options.map:
         raise UsageError('--unknown is about the cells of a map: name one with --map FILE')
@@ -95,10 +93,10 @@ def _compute(options: argparse.Namespace) -> Poses:
             progress=progress,
         )
         progress.clear()
-        warnings += approaches.map_warnings
+        warnings += approaches.grid_warnings
         _warn(*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values())
         route = plan_route(
-            approaches.free_space,
+            approaches.grid,
             approaches.poses,
             start_m,
             options.order,
@@ -114,12 +112,9 @@ def _compute(options: argparse.Namespace) -> Poses:
 
 
 def _limits_of(options: argparse.Namespace) -> ViewingLimits:
-    off_m, off_rad = options.arrival_tolerance
     values = {name: getattr(options, name) for name in LIMITS}
     return ViewingLimits(
-        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
-        arrival_tolerance_m=off_m,
-        arrival_tolerance_rad=off_rad,
+        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()}
     )
 
 
@@ -146,7 +141,7 @@ def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:
     files_of_map = occupancy.files if occupancy else ()
     check_output_file(path, '--picture', [('--map', each) for each in files_of_map])
     try:
-        from lupin_greenhouse_bridge.display.drawings import picture_format
+        from lupin_greenhouse_bridge.planning.picture import picture_format
 
         picture_format(path, '--picture')
     except ImportError as error:
@@ -161,7 +156,7 @@ def _draw(
     route: Route,
     occupancy: OccupancyMap | None,
 ) -> None:
-    from lupin_greenhouse_bridge.display.drawings import draw_route, picture_format, picture_of
+    from lupin_greenhouse_bridge.planning.picture import draw_route, picture_format, picture_of
 
     figure = draw_route(layout, walls, approaches, route, occupancy)
     try:
@@ -208,15 +203,6 @@ def _parser() -> argparse.ArgumentParser:
         shown = f'{what} (default: %(default)g)'
         add(option, dest=name, type=kind, default=value, metavar=unit, help=shown)
     add(
-        '--arrival-tolerance',
-        type=number_type('a number, such as 0.06', float),
-        nargs=2,
-        metavar=('M', 'RADIANS'),
-        default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),
-        help="how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
-        ' and yaw_goal_tolerance (default: 0.06 0.15)',
-    )
-    add(
         '--order',
         choices=ORDERS,
         default='shortest',
@@ -230,8 +216,8 @@ def _parser() -> argparse.ArgumentParser:
     add(
         '--map',
         **file,
-        help="YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
-        ' from the obstacles in this map too',
+        help="YAML file of the robot's map, as Nav2's map_saver_cli writes it: the poses and the route avoid"
+        ' its obstacles too',
     )
     add(
         '--unknown',

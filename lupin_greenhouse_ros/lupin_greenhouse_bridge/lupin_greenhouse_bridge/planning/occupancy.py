@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The map that SLAM made, as an occupancy grid, and the distances to its obstacles. Does not import ROS."""
+"""The map that SLAM made, as an occupancy grid. Does not import ROS."""
 
 import copy
 import math
@@ -8,12 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, reason_of
 from lupin_greenhouse_bridge.planning.registration import POSE_LIMITS, Transform
-from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M
 from lupin_greenhouse_bridge.planning.values import number
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.files import read_yaml
@@ -23,7 +20,6 @@ FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
 DEFAULTS = {'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}  # of map_server
 AS_SAVED = "save it again with Nav2's map_saver_cli, in its default mode"
 GREY_MODES = ('1', 'L', 'P', 'RGB')  # of an image of PIL: 8 bits, and no opacity
-NO_COLUMN = 2**30  # where no cell of a row is taken
 
 
 class OccupancyMap:
@@ -64,13 +60,6 @@ class OccupancyMap:
         self.is_unknown = ~self.is_occupied & ((cells < 0) | (cells > FREE_PERCENT))
         self.is_unknown_taken = not unknown_is_free
         self.is_taken = self.is_occupied | (self.is_unknown & self.is_unknown_taken)
-        # A ring of unknown cells stands for all that is outside.
-        self._is_unknown = np.pad(self.is_unknown, 1, constant_values=True)
-        taken = np.pad(self.is_taken, 1, constant_values=self.is_unknown_taken)
-        # Of a row, only the nearest taken cell on either side of a point can be the nearest of all.
-        columns = np.arange(width + 2, dtype=np.int32)
-        self._left = np.maximum.accumulate(np.where(taken, columns, -NO_COLUMN), axis=1)
-        self._right = np.minimum.accumulate(np.where(taken, columns, NO_COLUMN)[:, ::-1], axis=1)[:, ::-1]
 
     def in_layout(self, layout_in_map: Transform) -> 'OccupancyMap':
         """Return the same map in the frame of the layout."""
@@ -94,32 +83,20 @@ class OccupancyMap:
         inside: np.ndarray = np.all((cells >= 0.0) & (cells <= self.is_occupied.shape[::-1]), axis=1)
         return inside
 
-    def gaps_m(self, points: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Return the distance in metres from each point (points, 2) to an obstacle, but at most `most_m`.
+    def are_taken(self, points: np.ndarray) -> np.ndarray:
+        """Return for each point (points, 2) whether the robot cannot be in its cell."""
+        columns, rows = np.floor(self.in_cells(points)).astype(int).T
+        height, width = self.is_taken.shape
+        is_inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        cells = self.is_taken[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+        return np.where(is_inside, cells, self.is_unknown_taken)
 
-        The distance is to the edge of the nearest cell that counts as occupied. The second array tells for
-        each point whether this cell is unknown.
-        """
-        at = self.in_cells(points) + 1.0  # the ring comes first
-        column, row = at[:, 0, None], at[:, 1, None]
-        reach = math.ceil(most_m / self.resolution_m) + 1
-        rows = np.floor(row).astype(int) + np.arange(-reach, reach + 1)
-        height, width = self._left.shape
-        is_row = np.tile((rows >= 0) & (rows < height), 2)
-        within = np.clip(rows, 0, height - 1), np.clip(np.floor(column).astype(int), 0, width - 1)
-        columns = np.concatenate([self._left[within], self._right[within]], axis=1)
-        rows = np.tile(rows, 2)
-        aside = np.maximum(np.maximum(columns - column, column - columns - 1.0), 0.0)
-        above = np.maximum(np.maximum(rows - row, row - rows - 1.0), 0.0)
-        gaps_m = np.where(is_row, np.hypot(aside, above), np.inf) * self.resolution_m  # (points, cells)
-        nearest = np.arange(len(gaps_m)), gaps_m.argmin(axis=1)
-        places = (np.clip(each[nearest], 0, most - 1) for each, most in ((rows, height), (columns, width)))
-        gaps_m, are_unknown = gaps_m[nearest], self._is_unknown[tuple(places)]
-        if self.is_unknown_taken:
-            are_outside = ~self.have_inside(points)
-            gaps_m[are_outside], are_unknown = 0.0, are_unknown | are_outside
-        return np.minimum(gaps_m, most_m), are_unknown
+    def taken_points(self) -> np.ndarray:
+        """Return the middles of the cells in which the robot cannot be, in an array (points, 2)."""
+        rows, columns = np.nonzero(self.is_taken)
+        x, y = self.resolution_m * (np.array([columns, rows]) + 0.5)
+        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        return np.column_stack([self.origin.x + cos * x - sin * y, self.origin.y + sin * x + cos * y])
 
     def in_cells(self, points: np.ndarray) -> np.ndarray:
         """Return points (points, 2) as columns and rows, counted from the origin."""
@@ -127,34 +104,6 @@ class OccupancyMap:
         turn = np.array([(cos, -sin), (sin, cos)])
         cells: np.ndarray = (points - self.origin[:2]) @ turn / self.resolution_m
         return cells
-
-
-class ConnectedParts:
-    """The parts of a map in which a robot can drive that needs some room, by number from 1 on."""
-
-    def __init__(self, occupancy: OccupancyMap, needed_m: float):
-        """Take a map, and the distance in metres that the robot's centre keeps from what is taken."""
-        self._occupancy = occupancy
-        height, width = occupancy.is_taken.shape
-        # The nodes are half a cell apart: the point of a cell that is nearest to a node is a node too.
-        is_taken = np.zeros((2 * height + 1, 2 * width + 1), dtype=bool)
-        is_taken[1::2, 1::2] = occupancy.is_taken
-        is_taken = ndimage.binary_dilation(is_taken, np.ones((3, 3)))
-        if occupancy.is_unknown_taken:
-            is_taken[[0, -1]] = is_taken[:, [0, -1]] = True
-        is_free = ~is_taken
-        if is_taken.any():
-            gaps_m = ndimage.distance_transform_edt(is_free) * occupancy.resolution_m / 2.0
-            is_free = gaps_m >= needed_m - EQUAL_M
-        parts, self.count = ndimage.label(is_free, np.ones((3, 3)))
-        nearest = ndimage.distance_transform_edt(parts == 0, return_distances=False, return_indices=True)
-        self._parts: NDArray[np.intp] = parts[tuple(nearest)] if self.count else parts
-
-    def of(self, points: np.ndarray) -> NDArray[np.intp]:
-        """Return the number of the part that each point (points, 2) is in, or is nearest to; 0 for none."""
-        columns, rows = np.rint(2.0 * self._occupancy.in_cells(points)).astype(int).T
-        height, width = self._parts.shape
-        return np.asarray(self._parts[rows.clip(0, height - 1), columns.clip(0, width - 1)])
 
 
 def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:

@@ -1,24 +1,21 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The direction that each tag of a layout faces, and what stands around it. Does not import ROS."""
+"""The direction that each tag of a layout faces, and what hides it from a camera. Does not import ROS."""
 
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.spatial import KDTree
+from numpy.typing import ArrayLike, NDArray
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import EAST, NORTH, SOUTH, WEST, Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 EQUAL_M = 1e-9  # distances that differ by less count as equal
-PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
+TAG_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
 ON_WALL_M = 0.1  # a tag that is nearer to a wall, and not nearer to a table, hangs on the wall
 ASIDE_M = 0.1  # a table that is farther beside a tag is not ahead of it
-BEYOND = 1e-6  # share of a line of sight: what touches the tag from the front is before it
-SIDES_AT_ONCE = 32
+LOW, HIGH = slice(0, 2), slice(2, 4)  # corners of a table
 OPPOSITE = {SOUTH: NORTH, NORTH: SOUTH, WEST: EAST, EAST: WEST}
 
 
@@ -54,11 +51,6 @@ class TagPose(NamedTuple):
     x: float
     y: float
     facing: float
-
-    def ends_of_plate(self) -> np.ndarray:
-        """Return the two ends of the tag's plate, seen from above, in an array (2, 2)."""
-        half = PLATE_WIDTH_M / 2 * np.array([-math.sin(self.facing), math.cos(self.facing)])
-        return np.array([self[:2] + half, self[:2] - half])
 
 
 def tables_of(layout: Layout) -> list[Table]:
@@ -128,96 +120,27 @@ def nearest_of(distances_m: np.ndarray) -> int:
     return int(np.argmax(distances_m <= distances_m.min() + EQUAL_M))
 
 
-class Surroundings(NamedTuple):
+def are_hidden(eyes: np.ndarray, tag: TagPose, tables: np.ndarray) -> NDArray[np.bool_]:
     """
-    The tables and plates near a tag, in metres: their shapes, and the sides that can hide the tag.
+    Return for each camera position (eyes, 2) whether a table (tables, 4) hides the tag.
+
+    It does if it is between the camera and the middle of the tag, or one of its ends.
+    """
+    aside = TAG_WIDTH_M / 2 * np.array([-math.sin(tag.facing), math.cos(tag.facing)])
+    targets = tag[:2] + np.array([[-1.0], [0.0], [1.0]]) * aside
+    starts, along = eyes[:, None, None], targets[:, None] - eyes[:, None, None]  # (eyes, targets, 1, 2)
+    with np.errstate(divide='ignore'):
+        meets = np.sort([(tables[:, side] - starts) / along for side in (LOW, HIGH)], axis=0)
+    enters, leaves = meets[0].max(axis=3).clip(0.0), meets[1].min(axis=3).clip(None, 1.0)
+    return np.asarray((enters < leaves).any(axis=(1, 2)))
+
+
+def tables_before(tag: TagPose, tables: np.ndarray, walls: Walls) -> np.ndarray:
+    """
+    Return the tables (tables, 4) that can hide a tag, without their edges: what touches a table sees past it.
 
     A tag stands on its nearest table, which never hides it, unless it hangs on a wall.
     """
-
-    walls: Walls
-    tables: np.ndarray  # (tables, 4): x0, y0, x1 and y1
-    plates: np.ndarray  # (plates, 2, 2): the two ends of each, that of the tag first
-    other_tables: np.ndarray  # (tables, 4): without the table of the tag
-    sides: np.ndarray  # (sides, 2, 2): of these tables and of the other plates, the nearest first
-
-    def gaps_m(self, points: np.ndarray) -> np.ndarray:
-        """Return the distance from each point (points, 2) to the nearest table, plate or wall."""
-        x, y = points.T
-        x0, y0, x1, y1 = self.walls
-        to_walls_m = np.min([x - x0, y - y0, x1 - x, y1 - y], axis=0)
-        to_tables_m = distances_m(self.tables, points[:, None])
-        starts, along = self.plates[:, 0], self.plates[:, 1] - self.plates[:, 0]
-        offsets = points[:, None] - starts
-        shares = ((offsets * along).sum(axis=2) / (along**2).sum(axis=1)).clip(0.0, 1.0)
-        to_plates_m = np.linalg.norm(offsets - shares[..., None] * along, axis=2)
-        gaps_m = np.concatenate([to_walls_m[:, None], to_tables_m, to_plates_m], axis=1)
-        return np.asarray(gaps_m.min(axis=1))
-
-    def are_in_view(self, eyes: np.ndarray) -> np.ndarray:
-        """
-        Return whether a camera at each point (eyes, 2) has a view of the whole tag.
-
-        It has if no table and no plate is in the triangle between the camera and the ends of the tag: no side
-        of one passes through the triangle, and its middle is not over another table.
-        """
-        ends = eyes[:, None] + (self.plates[0] - eyes[:, None]) * (1.0 + BEYOND)
-        triangles = np.concatenate([eyes[:, None], ends], axis=1)  # (eyes, 3, 2)
-        middles = triangles.mean(axis=1)[:, None]
-        low, high = self.other_tables[:, :2] + EQUAL_M, self.other_tables[:, 2:] - EQUAL_M
-        are_in_view = np.asarray(~((middles > low) & (middles < high)).all(axis=2).any(axis=1))
-        for first in range(0, len(self.sides), SIDES_AT_ONCE):
-            left = np.flatnonzero(are_in_view)
-            sides = self.sides[first : first + SIDES_AT_ONCE]
-            are_in_view[left] = ~_pass_through(sides, triangles[left])
-        return are_in_view
-
-
-def _pass_through(sides: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return whether a side, (sides, 2, 2), passes through each triangle, (triangles, 3, 2)."""
-    edges = np.roll(triangles, -1, axis=1) - triangles
-    inwards = np.stack([-edges[..., 1], edges[..., 0]], axis=2)
-    inwards *= np.sign((inwards[:, 0] * edges[:, 1]).sum(axis=1))[:, None, None]
-    inwards /= np.maximum(np.linalg.norm(inwards, axis=2, keepdims=True), EQUAL_M)
-    # The depths of both ends of each side (triangles, 3, sides) within each edge; a part is inside all three.
-    first, last = (
-        np.einsum('nei,si->nes', inwards, sides[:, end])
-        - np.einsum('nei,nei->ne', inwards, triangles)[..., None]
-        - EQUAL_M
-        for end in (0, 1)
-    )
-    with np.errstate(divide='ignore', invalid='ignore'):
-        meets = first / (first - last)
-    enters = np.where(first <= 0.0, np.where(last > 0.0, meets, np.inf), 0.0).max(axis=1)
-    leaves = np.where(last <= 0.0, np.where(first > 0.0, meets, -np.inf), 1.0).min(axis=1)
-    return np.asarray((enters < leaves).any(axis=1))
-
-
-class Obstacles:
-    """The tables and plates of a greenhouse, by the tags that they are near."""
-
-    def __init__(self, tables: list[Table], walls: Walls, tag_poses: Mapping[str, TagPose]):
-        """Take the tables, and the poses of the tags by their ids."""
-        self._walls, self._tag_poses = walls, tag_poses
-        self._numbers = {tag_id: number for number, tag_id in enumerate(tag_poses)}
-        self._tables = np.array(tables, dtype=float).reshape(-1, 4)
-        self._plates = np.array([each.ends_of_plate() for each in tag_poses.values()])
-        self._ends = KDTree(self._plates.reshape(-1, 2))
-
-    def around(self, tag_id: str, reach_m: float) -> Surroundings:
-        """Return what is within this distance of a tag."""
-        tag, number = self._tag_poses[tag_id], self._numbers[tag_id]
-        near_ends = self._ends.query_ball_point(tag[:2], reach_m + PLATE_WIDTH_M / 2)
-        plates = np.array(near_ends, dtype=int) // 2
-        others = np.unique(self._plates[plates[plates != number]], axis=0)  # of equal ones, one
-        away_m = distances_m(self._tables, tag[:2])
-        tables = np.flatnonzero(away_m <= reach_m)
-        is_on_wall = _wall_of(*tag[:2], self._walls, self._tables) is not None
-        own = None if is_on_wall or not len(tables) else nearest_of(away_m)
-        other_tables = self._tables[tables[tables != own]]
-        corners = other_tables[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
-        sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-        sides = np.concatenate([sides, others])
-        nearest_first = np.linalg.norm(sides.mean(axis=1) - tag[:2], axis=1).argsort()
-        plates = np.concatenate([self._plates[number, None], others])
-        return Surroundings(self._walls, self._tables[tables], plates, other_tables, sides[nearest_first])
+    if len(tables) and _wall_of(*tag[:2], walls, tables) is None:
+        tables = np.delete(tables, nearest_of(distances_m(tables, tag[:2])), axis=0)
+    return tables + np.array([1.0, 1.0, -1.0, -1.0]) * EQUAL_M

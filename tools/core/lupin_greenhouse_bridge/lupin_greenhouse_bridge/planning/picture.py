@@ -1,4 +1,3 @@
-# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The picture of a route and its approach poses. Imports matplotlib only to draw, and never ROS."""
 
 import io
@@ -89,7 +88,7 @@ def draw_route(
         if math.dist(start, end) >= SHORTEST_LEG_M:
             tip = 0.4 * start[0] + 0.6 * end[0], 0.4 * start[1] + 0.6 * end[1]
             axes.annotate('', tip, start, arrowprops=ARROW)
-    radius_m = approaches.free_space.robot_radius_m
+    radius_m = approaches.grid.robot_radius_m
     for number, tag_id in enumerate(route.tag_ids, start=1):
         stop = approaches.poses[tag_id][:2]
         axes.add_patch(Circle(stop, radius_m, facecolor=f'{INK}10', edgecolor=f'{INK}80', linewidth=0.7))
