@@ -103,7 +103,7 @@ def draw_route(
         axes.text(*place, tag_id, color=colour, parse_math=False, **CENTRED)
     for label, style in KEY.items():
         axes.plot([], [], label=label, linestyle='', **style)
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.1), frameon=False, ncols=2)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.1), frameon=False, ncol=2)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect='equal')
     return figure
 
