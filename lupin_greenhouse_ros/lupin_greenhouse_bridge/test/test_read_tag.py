@@ -130,12 +130,20 @@ def test_a_reading_of_the_first_second_of_1970_is_read():
     assert not answer_of('7', GetTagReading.Response(reading=reading_of('7', seconds=-1, co2=1.0))).is_ok
 
 
+TIME_OF_DAY = 'its time of day is not in [0, 86400) s'
+TWO_VALUES = [SensorReading(name='co2', value=value) for value in (1.5, 2.5)]
+LATE_NANOSECONDS = reading_of('9', co2=1.5)
+LATE_NANOSECONDS.stamp.nanosec = 1_000_000_000
 BAD_READINGS = {
-    '1': (reading_of('1', time_of_day=math.inf, co2=1.5), 'it has a number that is not finite'),
-    '2': (reading_of('2', co2=math.nan), 'it has a number that is not finite'),
-    '3': (TagReading(tag_id='3', readings=[SensorReading()] * 2), 'it has two values of one sensor'),
+    '1': (reading_of('1', time_of_day=math.inf, co2=1.5), TIME_OF_DAY),
+    '2': (reading_of('2', co2=math.nan), 'it has a value that is not finite'),
+    '3': (TagReading(tag_id='3', readings=TWO_VALUES), 'it has two values of one sensor'),
     '4': (TagReading(tag_id='4'), 'it names no tag, or has no value'),
     '5': (reading_of('6', co2=1.5), "it is of tag '6'"),
+    '6': (reading_of('6', time_of_day=86400.0, co2=1.5), TIME_OF_DAY),
+    '8': (reading_of('8', time_of_day=-1.0, co2=1.5), TIME_OF_DAY),
+    '9': (LATE_NANOSECONDS, 'its stamp is no time after 1970'),
+    '10': (reading_of('10', **{'': 1.5}), 'it has a value without the name of a sensor'),
 }
 
 

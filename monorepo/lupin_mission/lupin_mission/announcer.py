@@ -83,7 +83,7 @@ class Announcer:
             self._readings.publish(message.tag_reading)
             values = observation.reading.values
             sensors = sorted(values, key=sensor_order)
-            shown = ', '.join(f'{each} {value_text(each, values[each])}' for each in sensors)
+            shown = ', '.join(f'{escaped(each, 40)} {value_text(each, values[each])}' for each in sensors)
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
             self._inform(f'{tag}{pose}: {shown}')
         elif observation.outcome is Outcome.SKIPPED:  # the table has a line for each of them

@@ -6,14 +6,13 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
-from lupin_greenhouse_bridge.contract import STATUS_NAMES
+from lupin_greenhouse_bridge.contract import answer_of
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
-from lupin_msgs.srv import GetTagReading
 
 from lupin_mission.mission import Mission, State
-from lupin_mission.visit import Service
+from lupin_mission.visit import Request, Service
 
 MISSION_TYPE = 'InspectionMission'
 LIFECYCLE_STATES = {
@@ -31,7 +30,6 @@ STATUSES = {
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
     Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
 }
-REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
 @dataclass
@@ -47,14 +45,15 @@ class Run:
     fault: str = ''  # why the report is lost
 
 
-def reply_of(service: Service, response: Any) -> tuple[Outcome, str, Reading | None]:
-    """Return what Mission.on_reply() takes from the response of a service."""
-    if service is Service.CONFIRM:
+def reply_of(request: Request, response: Any) -> tuple[Outcome, str, Reading | None]:
+    """Return what Mission.on_reply() takes from the response to a request."""
+    if request.service is Service.CONFIRM:
         return Outcome.OK if response.detected else Outcome.NOT_CONFIRMED, response.error_message, None
-    if response.status != GetTagReading.Response.STATUS_OK:
-        refusal = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
-        return refusal, response.error_message, None
-    message = response.reading
+    answer = answer_of(request.tag_id, response)
+    if answer.reading is None:
+        outcome = Outcome.__members__.get(answer.status, Outcome.BAD_READING)
+        return outcome, answer.error_message, None
+    message = answer.reading
     values = {each.name: each.value for each in message.readings}
     stamp = message.stamp.sec, message.stamp.nanosec
     return Outcome.OK, '', Reading(message.tag_id, stamp, message.sim_time_of_day_seconds, values)

@@ -395,7 +395,7 @@ class Mission:
         """
         Accept the reply to a request; return False if it is no longer pending.
 
-        OK means that the camera sees the tag, or that the bridge sends this reading.
+        OK means that the camera sees the tag, or that the bridge sends this reading, which has been judged.
         """
         if request is not self._request:
             return False
@@ -407,10 +407,6 @@ class Mission:
             self._attempt_failed(outcome, detail)
         elif reading is None:
             self._turn_to(Phase.SCANNING)
-        elif reading.tag_id != tag_id:
-            self._attempt_failed(Outcome.WRONG_TAG, f'asked for {tag_id!r}, got {reading.tag_id!r}')
-        elif reading.fault:
-            self._attempt_failed(Outcome.BAD_READING, reading.fault)
         else:
             self.mark_scan_ok(tag_id, reading)
         return True

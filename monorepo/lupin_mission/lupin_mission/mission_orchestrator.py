@@ -286,7 +286,7 @@ class MissionNode(Node):
         return self._transport.abandon(request)
 
     def _on_response(self, mission: Mission, request: Request, response: Any) -> None:
-        if not mission.on_reply(request, *reply_of(request.service, response)):
+        if not mission.on_reply(request, *reply_of(request, response)):
             self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
         self._step()
 

@@ -119,7 +119,7 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
             'h:min',
             *(clock_time(each.sim_time_of_day_seconds) if each else '' for each in readings),
         ],
-        *([name, unit_of(name), *(_value(name, each) for each in readings)] for name in sensors),
+        *([escaped(name, 40), unit_of(name), *(_value(name, each) for each in readings)] for name in sensors),
     ]
     if any(each.seen is not None for each in last.values()):
         columns.append(['seen', '', *(SEEN[each.seen if each else None] for each in found)])

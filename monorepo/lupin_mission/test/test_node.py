@@ -178,14 +178,14 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader, monkey
     mission = start_mission(**READER, tag_sequence='1 2 3 4 5', max_attempts=1)
     reader.answer(status=GetTagReading.Response.STATUS_UNKNOWN_TAG, error_message='who?')
     reader.answer(status=GetTagReading.Response.STATUS_SIMULATOR_ERROR, error_message='broken')
-    reader.answer_ok('1')
+    reader.answer_ok('1')  # another tag
     reader.answer(reading=TagReading(tag_id='4'))
     reader.answer(status=77, error_message='from the future')
     assert mission.end() == 1
     assert mission.outcomes() == [
         ('1', Outcome.UNKNOWN_TAG),
         ('2', Outcome.SIMULATOR_ERROR),
-        ('3', Outcome.WRONG_TAG),
+        ('3', Outcome.BAD_READING),
         ('4', Outcome.BAD_READING),
         ('5', Outcome.BAD_READING),
     ]

@@ -107,6 +107,8 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
         ['9', 'not', 'visited'],
         ['1/3', 'tags', 'read'],
     ]
+    forged = replace(OK, reading=replace(OK.reading, values={'co2\n8 OK': 1.0}))
+    assert len(summary_table([forged], ['7']).splitlines()) == 4
     # The last observation of a tag counts. With a camera, the table tells what it saw.
     seen = [FAILED, unseen, OK, replace(OK, seen=True, pose=2)]
     rows = [line.split() for line in summary_table(seen, ['7', '8']).splitlines()]

@@ -27,8 +27,7 @@ class Outcome(str, Enum):
     UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge does not know the tag
     SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge knows the tag and cannot read it
     NOT_CONFIRMED = 'NOT_CONFIRMED'  # the camera did not see it
-    WRONG_TAG = 'WRONG_TAG'  # the reply was for another tag
-    BAD_READING = 'BAD_READING'  # the reading was empty, or had a number that cannot be right
+    BAD_READING = 'BAD_READING'  # no bridge can have sent the reply, such as one for another tag
     TIMEOUT = 'TIMEOUT'  # no reply before the timeout
     NO_SERVICE = 'NO_SERVICE'  # the service was not available
     UNREACHABLE = 'UNREACHABLE'  # the drive to the tag failed

@@ -56,15 +56,17 @@ def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
 
 def fault_of_reading(reading: TagReading) -> str:
     """Return why a bridge cannot have sent this TagReading; '' if it can."""
-    names = [value.name for value in reading.readings]
-    if not (reading.tag_id and names):
-        return 'it names no tag, or has no value'
-    if len(set(names)) < len(names):
-        return 'it has two values of one sensor'
-    if reading.stamp.sec < 0:
-        return 'its stamp is before 1970'
-    numbers = [reading.sim_time_of_day_seconds, *(value.value for value in reading.readings)]
-    return '' if all(map(math.isfinite, numbers)) else 'it has a number that is not finite'
+    names = [each.name for each in reading.readings]
+    values = [each.value for each in reading.readings]
+    faults = (
+        (not (reading.tag_id and names), 'it names no tag, or has no value'),
+        (not all(names), 'it has a value without the name of a sensor'),
+        (len(set(names)) < len(names), 'it has two values of one sensor'),
+        (not all(map(math.isfinite, values)), 'it has a value that is not finite'),
+        (reading.stamp.sec < 0 or reading.stamp.nanosec >= 1_000_000_000, 'its stamp is no time after 1970'),
+        (not 0.0 <= reading.sim_time_of_day_seconds < 86400.0, 'its time of day is not in [0, 86400) s'),
+    )
+    return next((fault for is_so, fault in faults if is_so), '')
 
 
 def parameter_service_of(service_name: str) -> str:
