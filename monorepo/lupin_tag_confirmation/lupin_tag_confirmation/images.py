@@ -15,6 +15,7 @@ ENCODINGS = {
     'rgba8': ('RGB', 'RGBX'),
     'bgra8': ('RGB', 'BGRX'),
 }
+JPEG_START, JPEG_END, FILLER = b'\xff\xd8', b'\xff\xd9', b'\x55' * 64
 SMALLEST_SIDE_PIXELS = 16  # AprilTag 3.3.0 and 3.4.5 crash on pictures of one or two rows
 LARGEST_SIDE_PIXELS = 16384
 MOST_PIXELS = 2**24  # more would keep the node busy for seconds
@@ -58,7 +59,22 @@ def grey_picture(encoding: str, height: int, width: int, step: int, data: bytes)
 
 
 def decoded_picture(data: bytes) -> np.ndarray:
-    """Return the picture of a JPEG or PNG file; raises UnusableImage."""
+    """Return the picture of a JPEG or PNG file; raises UnusableImage. A JPEG may lack its end marker."""
+    data = bytes(data)
+    try:
+        return _decoded(data)
+    except UnusableImage:
+        if not data.startswith(JPEG_START):
+            raise
+        data = data.removesuffix(JPEG_END[:1])
+        picture = _decoded(data + JPEG_END)
+        # The decoder makes up the pixels that a cut file lacks; then more bytes change the picture.
+        if not np.array_equal(picture, _decoded(data + FILLER + JPEG_END)):
+            raise
+        return picture
+
+
+def _decoded(data: bytes) -> np.ndarray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # about large pictures, which are limited below

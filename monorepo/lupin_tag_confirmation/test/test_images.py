@@ -99,6 +99,18 @@ def test_jpeg_and_png_give_the_brightness(content):
     assert np.abs(picture.astype(int) - GRADIENT).max() <= 8
 
 
+@pytest.mark.parametrize('options', [{}, {'progressive': True}])
+@pytest.mark.parametrize('mode', ['L', 'RGB'])
+def test_a_jpeg_without_its_end_marker_is_the_same_picture_and_a_cut_one_is_refused(mode, options):
+    content = encoded('JPEG', mode, quality=90, **options)
+    assert content.endswith(b'\xff\xd9')
+    assert np.array_equal(decoded_picture(content[:-2]), decoded_picture(content))
+    assert np.array_equal(decoded_picture(content[:-1]), decoded_picture(content))
+    for kept in (0.6, 0.9):
+        with pytest.raises(UnusableImage, match='cannot be decoded'):
+            decoded_picture(content[: int(kept * len(content))])
+
+
 @pytest.mark.parametrize(
     ('data', 'fragment'),
     [
