@@ -1,9 +1,7 @@
 """Publish the mission's observations and state, write its log, and show a progress line at a terminal."""
 
-import math
 import sys
 import time
-from collections import deque
 
 from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
@@ -16,32 +14,27 @@ from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Header, String
 
-from lupin_mission.messages import Run, observation_message, state_message
+from lupin_mission.messages import OBSERVATIONS_TOPIC, Run, observation_message, state_message
 from lupin_mission.mission import Mission, Severity
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2
-OTHER_MISSION_SECONDS = 2.0  # A mission publishes its state at 5 Hz.
 
 
 class Announcer:
     """Publishes and logs for a mission node."""
 
-    def __init__(self, node: Node, observations_topic: str, frame_id: str = 'map', remark: str = ''):
+    def __init__(self, node: Node, frame_id: str = 'map', remark: str = ''):
         """Create the publishers; `remark` is appended to each status_detail, and to the last event."""
         self._node = node
         self._remark = remark
         self._frame_id = frame_id
         self._at_tag = node.create_publisher(String, 'mission/at_tag', latched())
-        self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
+        self._observations = node.create_publisher(ObservationMessage, OBSERVATIONS_TOPIC, latched(50))
         self._readings = node.create_publisher(TagReading, 'mission/readings', latched(50))
         self._states = node.create_publisher(MissionState, 'mission/state', latched())
-        self._stamps_of_own_states: deque[tuple[int, int]] = deque(maxlen=100)
-        self._other_mission_at = -math.inf
-        node.create_subscription(MissionState, 'mission/state', self._on_state, QoSProfile(depth=10))
         self._tag_at_hand: str | None = None
         self._progress = ProgressLine(sys.stdout)
         self._event, self._severity = 'the node has started', Severity.INFO
@@ -107,11 +100,10 @@ class Announcer:
         else:
             self._progress.clear()
 
-    def publish_state(self, run: Run | None, idle: str, *, is_estop_engaged: bool = False) -> None:
-        """Publish the state of a mission; `idle` is the lifecycle state of a node without one."""
-        message = state_message(run, idle)
+    def publish_state(self, run: Run | None, lifecycle: str, *, is_estop_engaged: bool = False) -> None:
+        """Publish the state of a mission, or of a node without one."""
+        message = state_message(run, lifecycle)
         self._stamp(message.header)
-        self._stamps_of_own_states.append((message.header.stamp.sec, message.header.stamp.nanosec))
         message.estop_engaged = is_estop_engaged
         estop, fault = 'estop_engaged' if is_estop_engaged else '', run.fault if run else ''
         message.last_error = fault or estop or self._obstacle or self._failure
@@ -119,17 +111,13 @@ class Announcer:
         message.last_event_severity = self._severity.value
         self._states.publish(message)
 
-    def _on_state(self, message: MissionState) -> None:
-        if (message.header.stamp.sec, message.header.stamp.nanosec) not in self._stamps_of_own_states:
-            self._other_mission_at = time.monotonic()
-
     def is_heard(self) -> bool:
         """Return whether somebody subscribes to the readings."""
         return bool(self._readings.get_subscription_count() > 0)
 
     def has_other_mission(self) -> bool:
-        """Return whether another node has just published on this mission/state."""
-        return time.monotonic() - self._other_mission_at < OTHER_MISSION_SECONDS
+        """Return whether another node publishes mission/state, too."""
+        return self._node.count_publishers(self._states.topic_name) > 1
 
     def _with_remark(self, text: str) -> str:
         remark = f' ({self._remark})' if text and self._remark else self._remark

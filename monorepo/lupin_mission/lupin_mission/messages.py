@@ -15,8 +15,9 @@ from lupin_mission.mission import Mission, State
 from lupin_mission.visit import Request, Service
 
 MISSION_TYPE = 'InspectionMission'
+OBSERVATIONS_TOPIC = '/floranova/observations'  # absolute: the robots share one twin
 LIFECYCLE_STATES = {
-    State.READY: 'READY',
+    State.PREPARE: 'PREPARE',
     State.DRIVING: 'INSPECTING',
     State.INSPECTING: 'INSPECTING',
     State.DOCKING: 'RETURNING',
@@ -103,16 +104,18 @@ def pose_at(position: Point | None) -> Pose:
     return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
-def state_message(run: Run | None, lifecycle_if_none: str) -> MissionState:
+def lifecycle_of(run: Run | None, *, has_tags: bool) -> str:
+    """Return the lifecycle_state of MissionState, which decides how the node replies, too."""
+    if run is None:
+        return 'READY' if has_tags else 'BOOT'
+    return 'FAULT' if run.fault else LIFECYCLE_STATES[run.mission.state]
+
+
+def state_message(run: Run | None, lifecycle: str) -> MissionState:
     """Return the state of a mission, or of a node without one; the caller adds the header and the events."""
     if run is None:
-        return MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
+        return MissionState(lifecycle_state=lifecycle, battery_percentage=1.0)
     mission = run.mission
-    lifecycle = LIFECYCLE_STATES[mission.state]
-    if run.fault:
-        lifecycle = 'FAULT'
-    elif run.is_planning and mission.state is State.READY:
-        lifecycle = 'PREPARE'
     counts = Counter(mission.outcomes.values())
     completed, skipped = counts[Outcome.OK], counts[Outcome.SKIPPED]
     unreachable = counts[Outcome.UNREACHABLE]

@@ -26,7 +26,7 @@ class State(Enum):
     DOCKING and DOCKED interrupt a mission that has tags left; RETURNING ends it.
     """
 
-    READY = 'ready'
+    PREPARE = 'prepare'  # until the first step without a pause
     DRIVING = 'driving'
     INSPECTING = 'inspecting'
     DOCKING = 'docking'
@@ -62,6 +62,8 @@ class MissionPorts(Protocol):
 class Mission:
     """Drives to each tag, has it confirmed if required, reads it, and records one outcome."""
 
+    retry_delay_seconds = 0.5  # doubles with each further attempt
+
     def __init__(
         self,
         tag_ids: Iterable[str],
@@ -71,7 +73,7 @@ class Mission:
     ):
         """Visit `tag_ids`, which are all different, in this order."""
         self.tag_ids = tuple(tag_ids)
-        self.state = State.READY
+        self.state = State.PREPARE
         self.is_paused = False
         self.is_estop_engaged = False
         self.outcomes: dict[str, Outcome] = {}
@@ -137,7 +139,7 @@ class Mission:
         """Return what is to be done now; None if the mission waits for the time, the robot or a reply."""
         if self.state is State.DONE or self._request:
             return None
-        if self.state in (State.READY, State.DOCKED):
+        if self.state in (State.PREPARE, State.DOCKED):
             return self._drive_on
         if self.target and self._scan_reading_done:
             return self._drive_on if self._active_seconds >= self._dwell_end else None
@@ -150,7 +152,7 @@ class Mission:
 
     def reorder(self, tag_ids: Iterable[str]) -> None:
         """Visit the same tags in another order, unless the mission has begun, or was aborted."""
-        if self.state is State.READY:
+        if self.state is State.PREPARE:
             self.tag_ids = tuple(tag_ids)
             self._to_visit = deque(map(Visit, self.tag_ids))
 
@@ -205,14 +207,14 @@ class Mission:
             self._end_return(arrival.failure or miss)
         elif not arrival.failure:
             self._arrive(arrival.miss)
-        elif not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
+        elif not self._try_next_pose(Outcome.UNREACHABLE, arrival.failure):
             self._close(Outcome.UNREACHABLE, arrival.failure)
             self._dwell_end = self._active_seconds
 
     def _arrive(self, miss: str) -> None:
         """Begin to inspect the tag, or set off to its next pose if the robot has missed this one."""
         detail = f'the robot stands {miss} from its pose' if miss else ''
-        if detail and self._looks_again(Outcome.UNREACHABLE, detail):
+        if detail and self._try_next_pose(Outcome.UNREACHABLE, detail):
             return
         self._visit.miss = detail
         if detail:
@@ -246,7 +248,7 @@ class Mission:
         self.is_paused = True
         self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
 
-    def _looks_again(self, outcome: Outcome, detail: str) -> bool:
+    def _try_next_pose(self, outcome: Outcome, detail: str) -> bool:
         """Set off to the next pose of the tag, because this one has failed; return False if there is none."""
         visit = self._visit
         count = self._drive.count_poses(visit.tag_id)
@@ -271,7 +273,7 @@ class Mission:
         if self.is_paused or self.state is State.DONE:
             return False
         self.is_paused = True
-        if self.state is not State.READY:
+        if self.state is not State.PREPARE:
             self._drive.pause()
         self._ports.note('paused', Severity.INFO)
         return True
@@ -351,7 +353,7 @@ class Mission:
     def _skip_all(self, detail: str) -> None:
         if self.target:
             self._leave(detail)
-        elif self.state is not State.READY:
+        elif self.state is not State.PREPARE:
             self._drive.stop()
         while self._to_visit:
             self._visit = self._to_visit.popleft()
@@ -379,7 +381,7 @@ class Mission:
 
     def _turn_to(self, phase: Phase) -> None:
         self._visit.phase = phase
-        self._attempts = Attempts(self._active_seconds, self._settings.retry_delay_seconds)
+        self._attempts = Attempts(self._active_seconds, self.retry_delay_seconds)
 
     def _ask(self) -> None:
         self._visit.requests += 1
@@ -418,7 +420,7 @@ class Mission:
             code = DEPENDENCY_TIMEOUT if outcome in NO_REPLY else ''
             self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN, code)
             self._attempts.try_again(self._active_seconds)
-        elif outcome is not Outcome.NOT_CONFIRMED or not self._looks_again(outcome, detail):
+        elif outcome is not Outcome.NOT_CONFIRMED or not self._try_next_pose(outcome, detail):
             self.mark_scan_failed(tag_id, outcome, detail)
 
     def mark_scan_ok(self, tag_id: str, reading: Reading) -> None:

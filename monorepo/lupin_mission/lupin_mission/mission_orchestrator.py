@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
@@ -32,7 +32,7 @@ from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
-from lupin_mission.messages import MISSION_TYPE, Run, reply_of, state_message
+from lupin_mission.messages import MISSION_TYPE, Run, lifecycle_of, reply_of
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Place, Plan
@@ -48,6 +48,7 @@ ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, 4
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
+MOST_NAMED = 30  # tags in one line of the log
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
 TAG_TWICE = 'tag_sequence names a tag twice: a mission visits a tag once'
@@ -73,11 +74,13 @@ class MissionNode(Node):
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
         self._positions = TagPositions(self, settings.frame_id, settings.amcl_pose_topic)
+        if ids := settings.chosen_tag_ids:  # ROS reads 010 as the number 8
+            self.get_logger().info(f'tag_sequence: {names_text("tag", ids, MOST_NAMED)}')
         self._transport = Transport(self, settings)
         self.current: Run | None = None
         is_simulated = settings.drive == 'simulated'
         remark = 'simulated drive' if is_simulated else ''
-        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id, remark)
+        self._announcer = Announcer(self, settings.frame_id, remark)
         if not settings.wait_for_start:
             self._report = self._open_report('')
         self._deadline_for_subscriber: float | None = None
@@ -271,8 +274,11 @@ class MissionNode(Node):
         self._announcer.moved(run.mission)
 
     def _publish_state(self) -> None:
-        idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
-        self._announcer.publish_state(self.current, idle, is_estop_engaged=self._is_estop_engaged)
+        lifecycle = self._lifecycle()
+        self._announcer.publish_state(self.current, lifecycle, is_estop_engaged=self._is_estop_engaged)
+
+    def _lifecycle(self) -> str:
+        return lifecycle_of(self.current, has_tags=self._tags.has_tags_to_visit())
 
     # The MissionPorts of the mission
 
@@ -351,17 +357,17 @@ class MissionNode(Node):
         return response
 
     def _dock(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        state = state_message(self.current, 'READY').lifecycle_state
+        lifecycle = self._lifecycle()
         if self.mission and self.mission.dock():
             response.success, response.message = True, 'heading to dock'
-        elif state == 'READY':
+        elif lifecycle in ('BOOT', 'READY'):
             response.success, response.message = True, 'no mission runs: nothing moves'
-        elif state == 'RETURNING':
+        elif lifecycle == 'RETURNING':
             response.message = 'already returning to dock'
-        elif state == 'INSPECTING':
+        elif lifecycle == 'INSPECTING':
             response.message = 'there is no dock: set dock_pose'
         else:
-            response.message = f'cannot dock in state {state}'
+            response.message = f'cannot dock in state {lifecycle}'
         self._step()
         return response
 
@@ -379,6 +385,7 @@ class MissionNode(Node):
     async def _start(
         self, request: StartMission.Request, response: StartMission.Response
     ) -> StartMission.Response:
+        self._step()  # It ends a mission whose report is lost.
         mission_id = self._new_mission_id()
         reason = self._reason_against(request)
         if not reason:
@@ -400,7 +407,7 @@ class MissionNode(Node):
     def _reason_against(self, request: StartMission.Request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
         run, sequence, kind = self.current, list(request.tag_sequence), escaped(request.mission_type, 40)
-        is_running = bool(run and run.mission.state is not State.DONE)
+        is_running = self._lifecycle() in ('PREPARE', 'INSPECTING', 'RETURNING')
         known = set(self._tags.ids or self._settings.chosen_tag_ids)
         unknown = [tag_id for tag_id in sequence if tag_id not in known]
         shown = escaped(unknown[0], 40) if unknown else ''

@@ -8,7 +8,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from rclpy.action.client import ActionClient
 from rclpy.node import Node
@@ -84,7 +84,7 @@ class Nav2Drive(Drive):
         self._position_m: tuple[float, float] | None = None  # at the end of the drives before
         self._not_over: list[SentGoal] = []
         self._waiting_since: float | None = None  # for a server that accepts the goal; None after a pause
-        self._has_warned_of_server = False
+        self._has_warned_of_server = self._has_warned_of_frame = False
 
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
         """Start to drive to an approach pose of a tag."""
@@ -205,6 +205,11 @@ class Nav2Drive(Drive):
         localized = self._localized_pose()
         newest = localized if localized and _stamp(localized) > _stamp(sent.pose) else sent.pose
         if newest.header.frame_id != self._settings.frame_id:
+            if not self._has_warned_of_frame:
+                self._has_warned_of_frame = True
+                frame = f"a pose of the robot is in the frame '{escaped(newest.header.frame_id, 64)}'"
+                event = f"{frame}, not '{self._settings.frame_id}': arrivals cannot be checked"
+                self._note(event, Severity.WARN)
             return ''
         robot, goal = pose_in_plane(newest.pose), pose_in_plane(self._goal.pose.pose)
         off_m, off_rad = math.dist(robot[:2], goal[:2]), abs(math.remainder(robot.yaw - goal.yaw, math.tau))

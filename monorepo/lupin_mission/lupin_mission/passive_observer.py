@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
-from lupin_mission.messages import pose_at
+from lupin_mission.messages import OBSERVATIONS_TOPIC, pose_at
 from lupin_mission.tag_positions import TagPositions
 
 NODE_NAME = 'passive_observer'
@@ -52,7 +52,7 @@ class Settings:
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
     )
-    observations_topic: str = parameter('floranova/observations', 'The topic of the observations.')
+    observations_topic: str = parameter(OBSERVATIONS_TOPIC, 'The topic of the observations.')
     map_frame: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
 
     def __post_init__(self) -> None:

@@ -92,8 +92,11 @@ class SentGoal:
         self._await(self._handle.cancel_goal_async(), self._on_cancel_reply)
 
     def _on_feedback(self, message: Any) -> None:
+        pose = pose_in_plane(message.feedback.current_pose.pose)
+        if not all(map(math.isfinite, pose)):  # of a robot that is not localized
+            return
         self.pose = message.feedback.current_pose
-        position_m = pose_in_plane(self.pose.pose)[:2]
+        position_m = pose[:2]
         self._start = self._start or position_m
         self._farthest_m = max(self._farthest_m, math.dist(self._start, position_m))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import parse_pose, parse_walls, walls_parameter
@@ -146,10 +147,6 @@ class Settings:
         smallest=0.001,
     )
     max_attempts: int = _count(3, 'How many requests the mission sends to each service from one pose.')
-    retry_delay_seconds: float = _seconds(
-        0.5,
-        'Seconds before the second request or drive; doubles with each further attempt, up to 10 s.',
-    )
     report_file: str = parameter(
         '', 'The JSON Lines file to write or to continue; empty: mission-TIME.jsonl in the current folder.'
     )
@@ -171,7 +168,6 @@ class Settings:
     amcl_pose_topic: str = parameter(
         'amcl_pose', "The robot's pose: the start of the plan, and the place of an unknown tag; empty: none."
     )
-    observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
         '', 'The file of register_layout: where the layout lies in the map; empty: at the origin of the map.'
     )
@@ -186,7 +182,8 @@ class Settings:
             if getattr(self, name) not in choices:
                 raise invalid(name, getattr(self, name), accepted)
         self._check_names()
-        _ = self.viewing_limits  # raises StartUpError
+        if not abs(self.camera_offset_m) < self.approach_standoff_m:
+            raise invalid('camera_offset_m', self.camera_offset_m, 'less than approach_standoff_m')
         if self.order == 'shortest' and self.drive != 'nav2':
             raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
         if self.world_file and self.drive == 'nav2':
@@ -194,20 +191,20 @@ class Settings:
                 'world_file does not name the tables that a robot drives around:'
                 ' set tag_locations_file to the tag file of the world instead'
             )
-        if bool(self.dock) != bool(_words(self.dock_pose)):
+        has_dock = self.dock_pose is not None and str(self.dock_pose).strip(' []') != ''
+        if has_dock and not self.dock:
             accepted = 'empty, or x, y and yaw in radians: "1.0 0.5 3.14", or an array'
             raise invalid('dock_pose', self.dock_pose, accepted)
         if self.world_file and self.tag_locations_file:
             raise StartUpError('parameters world_file and tag_locations_file are both set: set one of them')
-        ids = self.chosen_tag_ids
+        ids = ids_in(self.tag_sequence)
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             shown = escaped(twice[0], 40)
             raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
 
     def _check_names(self) -> None:
-        for name in ('estop_topic', 'observations_topic'):
-            if not getattr(self, name):
-                raise invalid(name, '', 'the name of a topic')
+        if not self.estop_topic:
+            raise invalid('estop_topic', '', 'the name of a topic')
         if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
             raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
         if self.report_file and Path(self.report_file).name in ('', '..'):
@@ -216,12 +213,12 @@ class Settings:
     @property
     def chosen_tag_ids(self) -> list[str]:
         """The ids in tag_sequence; [] if it is empty."""
-        return _words(self.tag_sequence)
+        return ids_in(self.tag_sequence)
 
     @property
     def dock(self) -> list[float]:
         """x, y and yaw of the dock in the map; [] if the robot does not return to one."""
-        return parse_pose(_words(self.dock_pose))
+        return parse_pose(self.dock_pose) if self.dock_pose is not None else []
 
     @property
     def has_poses_in_map(self) -> bool:
@@ -251,13 +248,24 @@ class Settings:
         return self.scan_timeout_s
 
 
-def _words(value: object) -> list[str]:
-    """Return the words of a text, or the items of an array, which a launch argument is as text: "[6, 21]"."""
-    if isinstance(value, str):
-        text = value.strip()
-        is_array = text.startswith('[') and text.endswith(']')
-        words = (text[1:-1] if is_array else text).replace(',', ' ').split()
-        return [word.strip('\'"') for word in words] if is_array else words
-    if value is None:  # rclpy's value of an empty array
+def ids_in(tag_sequence: object) -> list[str]:
+    """
+    Return the tag ids in a text such as `6 21`, or in an array; raises StartUpError.
+
+    An array can be a text, too, as in a launch argument: `["Tomate 7", 8]`.
+    """
+    accepted = 'ids such as "6 21 29", or an array of them'
+    items = tag_sequence
+    if isinstance(tag_sequence, str):
+        if not tag_sequence.strip().startswith('['):
+            return tag_sequence.replace(',', ' ').split()
+        try:
+            items = yaml.load(tag_sequence, yaml.BaseLoader)  # noqa: S506 - it makes texts of all values
+        except yaml.YAMLError as error:
+            raise invalid('tag_sequence', tag_sequence, accepted) from error
+    if items is None:  # rclpy's value of an empty array
         return []
-    return [str(item) for item in (value if isinstance(value, Iterable) else [value])]
+    ids = list(items) if isinstance(items, Iterable) else [items]
+    if any(isinstance(each, bool) or not isinstance(each, str | int | float) for each in ids):
+        raise invalid('tag_sequence', tag_sequence, accepted)
+    return [str(each) for each in ids]

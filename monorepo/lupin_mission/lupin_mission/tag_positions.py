@@ -4,6 +4,8 @@ import math
 
 from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -17,9 +19,11 @@ class TagPositions:
     """
 
     def __init__(self, node: Node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
-        """Subscribe, but not to an empty topic; messages in another frame are ignored."""
-        self._frame_id = frame_id
+        """Subscribe, but not to an empty topic; a message in another frame is ignored, with one warning."""
+        self._node, self._frame_id = node, frame_id
+        self._warned: set[tuple[str, str]] = set()  # of the topic and the frame
         self.in_layout: dict[str, tuple[float, float]] = {}
+        self._amcl_pose_topic = amcl_pose_topic
         self._discovered: dict[str, Point] = {}
         self.robot_pose: PoseStamped | None = None
         node.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched())
@@ -40,12 +44,21 @@ class TagPositions:
         return Point(x=x, y=y)
 
     def _on_tags(self, message: DiscoveredTags) -> None:
-        if message.header.frame_id == self._frame_id:
+        if self._is_in_frame('perception/discovered_tags', message.header.frame_id):
             self._discovered = discovered_positions(message)
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        if message.header.frame_id == self._frame_id and is_finite(message.pose.pose.position):
-            self.robot_pose = PoseStamped(header=message.header, pose=message.pose.pose)
+        pose = message.pose.pose
+        is_pose = is_finite(pose.position) and math.isfinite(pose_in_plane(pose).yaw)
+        if self._is_in_frame(self._amcl_pose_topic, message.header.frame_id) and is_pose:
+            self.robot_pose = PoseStamped(header=message.header, pose=pose)
+
+    def _is_in_frame(self, topic: str, frame_id: str) -> bool:
+        if frame_id != self._frame_id and (topic, frame_id) not in self._warned:
+            self._warned.add((topic, frame_id))
+            wrong = f"{topic} is in the frame '{escaped(frame_id, 64)}' and is ignored"
+            self._node.get_logger().warning(f"{wrong}: must be in '{self._frame_id}'")
+        return frame_id == self._frame_id
 
 
 def discovered_positions(message: DiscoveredTags) -> dict[str, Point]:

@@ -65,12 +65,12 @@ class Tags:
         node: Node,
         has_service: Callable[[], bool],
         on_found: Callable[[], None],
-        on_positions_lost: Callable[[], None],
+        on_custom_file: Callable[[], None],
     ) -> None:
         """
         Call on_found() as soon as there are tags to visit: now, or when the bridge has replied.
 
-        Call on_positions_lost() if the bridge later replies that it has its own tag file. `has_service()`
+        Call on_custom_file() if the bridge later replies that it has its own tag file. `has_service()`
         returns whether the bridge's service is available.
         """
         is_given = self.has_tags_to_visit()
@@ -80,7 +80,7 @@ class Tags:
         if self._is_settled:
             return
         self._node, self._has_service = node, has_service
-        self._on_tags = on_positions_lost if is_given else on_found
+        self._on_found, self._on_custom_file = on_found, on_custom_file
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
         self._client = create_client(node, GetParameters, service)
         self._deadline = time.monotonic() + self._settings.dependency_timeout_s
@@ -139,9 +139,12 @@ class Tags:
             self._client.remove_pending_request(request)
         is_given = self.has_tags_to_visit()
         self.ids, self._is_settled = tag_ids, True
-        if is_custom_file or not is_given:
+        if not is_given:
             self._find_positions(is_custom_file=is_custom_file)
-            self._on_tags()
+            self._on_found()
+        elif is_custom_file:
+            self._find_positions(is_custom_file=True)
+            self._on_custom_file()
 
     def _find_positions(self, *, is_custom_file: bool) -> None:
         # The shipped positions are wrong for a bridge with a custom tag file.

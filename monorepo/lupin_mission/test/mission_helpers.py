@@ -16,6 +16,7 @@ from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
+import lupin_mission.mission
 import lupin_msgs.msg
 import pytest
 import rclpy
@@ -54,7 +55,7 @@ HOUR = 3600.0  # of a state that only the test ends
 READER = {'bridge_service_name': '/held/get_tag_reading'}
 CAMERA = {**READER, 'visual_confirmation_service': '/held/confirm_tag', 'require_visual_confirmation': True}
 # DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
-REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
+REAL = {'scan_timeout_s': 1.0, 'max_attempts': 1000}
 TWIN_QOS = latched(50)  # reliable, as by default
 WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
 SERVICES = {
@@ -466,7 +467,6 @@ def settings(tmp_path):
     return {
         'drive': 'simulated',
         'dock_pose': "''",
-        'retry_delay_seconds': 0.05,
         'scan_timeout_s': HOUR,
         'visual_confirmation_timeout_s': HOUR,
         'wait_for_start': False,
@@ -477,6 +477,7 @@ def settings(tmp_path):
 @pytest.fixture
 def start_mission(settings, tmp_path, monkeypatch, capfd):
     """Return a function that runs a mission in a thread, one at a time; it ends with the test."""
+    monkeypatch.setattr(lupin_mission.mission.Mission, 'retry_delay_seconds', 0.05)
     monkeypatch.setattr(signal, 'signal', lambda *_arguments: None)  # Python refuses it in a thread
     monkeypatch.setattr(signal, 'set_wakeup_fd', lambda *_arguments, **_keywords: -1)  # as above
     with contextlib.ExitStack() as stack:

@@ -70,7 +70,9 @@ class World:
         of_robot = options.keys() & {'drive_seconds', 'arrivals', 'poses'}
         self.robot = Robot(**{name: options.pop(name) for name in of_robot})
         self.trace = self.robot.told
+        delay_seconds = options.pop('retry_delay_seconds', Mission.retry_delay_seconds)
         self.mission = Mission(tag_ids, self, self.robot, replace(SETTINGS, **options))
+        self.mission.retry_delay_seconds = delay_seconds
         if is_estop_engaged:
             self.mission.engage_estop()
         self.mission.step(self.now)
@@ -308,14 +310,14 @@ def test_the_observation_tells_of(options, script, expected):
         assert each.reading == (reading(each.tag_id) if each.outcome is Outcome.OK else None)
 
 
-def test_a_mission_is_ready_until_it_is_started():
+def test_a_mission_prepares_until_its_first_step_without_a_pause():
     mission = Mission('ab', World(''), Robot(), SETTINGS)
-    assert (mission.state, mission.target, mission.tag_at_hand) == (State.READY, None, None)
+    assert (mission.state, mission.target, mission.tag_at_hand) == (State.PREPARE, None, None)
     assert mission.phase == ''
     mission.reorder('ba')
     assert mission.pause()
     mission.step(0.0)
-    assert mission.state is State.READY
+    assert mission.state is State.PREPARE
     assert mission.resume()
     mission.step(0.0)
     assert (mission.target, mission.tag_ids) == ('b', ('b', 'a'))

@@ -241,6 +241,26 @@ def test_a_drive_that_succeeded_elsewhere_tells_how_far_off_the_robot_stands(
     assert trip.arrival() == Arrival(miss=miss)
 
 
+def test_a_pose_that_is_not_finite_is_no_pose(trip):
+    goal = trip.under_way()
+    for pose in ((math.nan, 2.0, NORTH), (0.0, 0.0, math.nan), (0.0, 0.0, NORTH), POSE_OF_A):
+        trip.navigator.tell_pose(goal, *pose)
+    trip.drive_until(lambda: trip.drive.position_m() == POSE_OF_A[:2])
+    trip.navigator.end(goal, 'abort')
+    assert not trip.arrival().is_stuck
+
+
+def test_a_pose_in_another_frame_is_named_once(trip):
+    for _ in range(2):
+        goal = trip.under_way()
+        trip.navigator.tell_pose(goal, *POSE_OF_A, frame_id='/map')
+        trip.drive_until(lambda: trip.drive._sent.pose)
+        trip.navigator.end(goal, 'succeed')
+        assert trip.arrival() == HERE
+    (note,) = trip.notes
+    assert "'/map', not 'map'" in note[0]
+
+
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.
 ABORTS = [
     ('NavigateToPoseHumble', {}, ''),

@@ -369,7 +369,9 @@ def test_abort_and_pause_hold_while_the_mission_plans(start_waiting_mission, nav
     assert operator.trigger('pause')
     released.set()
     wait_until(start.done)
-    operator.wait_for(lifecycle_state='READY', paused=True, mission_id=start.result().mission_id)
+    operator.wait_for(lifecycle_state='PREPARE', paused=True, mission_id=start.result().mission_id)
+    assert operator.dock() == (False, 'cannot dock in state PREPARE')
+    assert operator.rejection().startswith('mission already running')
     assert navigator.goals == []
     assert operator.trigger('resume')
     end_on_the_way(mission, navigator, navigator.accept())

@@ -194,6 +194,15 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader, monkey
     assert mission.log[-1] == '0/5 tags read'
 
 
+def test_a_number_is_an_id_and_the_log_says_which(start_mission, reader):
+    """ROS reads 010 as an octal number."""
+    mission = start_mission(**READER, tag_sequence='010')
+    reader.answer_ok('8')
+    assert mission.end() == 0
+    assert reader.tag_ids == ['8']
+    assert mission.lines_with('tag_sequence: tag 8')
+
+
 def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, confirmer, monkeypatch):
     """The arguments of the team that have no effect are named in one line."""
     monkeypatch.setattr(tags, 'LONGEST_WITHOUT_PARAMETERS_SECONDS', HOUR)

@@ -20,8 +20,8 @@ LATCHED = latched(50)
 class Stack:
     """What is around the observer: read_on_sight, the mission, perception, AMCL and the twin."""
 
-    def __init__(self, node, namespace='', amcl_qos=LATCHED, topic='floranova/observations'):
-        self.node, self._namespace, self._topic = node, namespace, f'{namespace}/{topic}'
+    def __init__(self, node, namespace='', amcl_qos=LATCHED, topic='/floranova/observations'):
+        self.node, self._namespace, self._topic = node, namespace, topic
         self._readings = self._publisher(TagReading, 'read_on_sight/readings', LATCHED)
         self.states = self._publisher(MissionState, 'mission/state', LATCHED)
         self._tags = self._publisher(DiscoveredTags, 'perception/discovered_tags', LATCHED)
@@ -70,7 +70,10 @@ class Stack:
         self._send(self._tags, discovered((tag_id, x, y, w), frame_id=frame))
 
     def stand(self, x: float, y: float, frame: str = 'map') -> None:
-        self._send(self._poses, localized(x, y, frame))
+        self.send_pose(localized(x, y, frame))
+
+    def send_pose(self, message: PoseWithCovarianceStamped) -> None:
+        self._send(self._poses, message)
 
 
 @pytest.fixture
@@ -108,6 +111,24 @@ def test_the_place_is_the_tags_or_else_the_robots(stack):
     stack.discover('7', 3.0, 4.0)
     assert stack.place_of('7') == (3.0, 4.0)
     assert stack.place_of('8') == (5.0, 6.0)
+
+
+def test_a_frame_other_than_the_maps_is_named_once(stack, capfd):
+    for _ in range(2):
+        stack.stand(1.0, 2.0, frame='/map')
+        stack.discover('7', 1.0, 2.0, frame='/map')
+    assert stack.place_of('7') is None
+    log = capfd.readouterr().err
+    for topic in ('amcl_pose', 'perception/discovered_tags'):
+        assert log.count(f"{topic} is in the frame '/map' and is ignored: must be in 'map'") == 1
+
+
+def test_a_pose_without_a_direction_is_ignored(stack):
+    """A twin draws the robot with it."""
+    message = localized(1.0, 2.0)
+    message.pose.pose.orientation.z = math.nan
+    stack.send_pose(message)
+    assert stack.place_of('7') is None
 
 
 def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nodes, tmp_path):
@@ -182,7 +203,7 @@ def test_its_names_move_with_the_namespace_and_its_topic_and_frame_are_those_of_
     log = capfd.readouterr().err
     assert 'without effect in this node: refresh_period_s' in log
     assert '[WARN]' not in log
-    stack = Stack(node, '/robot1', amcl_qos=QoSProfile(depth=50), topic='seen')
+    stack = Stack(node, '/robot1', amcl_qos=QoSProfile(depth=50), topic='/robot1/seen')
     stack.stand(1.0, 2.0)
     stack.discover('7', 3.0, 4.0, frame='world')
     assert [stack.place_of(tag_id) for tag_id in '78'] == [(3.0, 4.0), None]

@@ -27,7 +27,9 @@ def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():
         (None, []),  # of rclpy, for an empty array
         ('[]', []),
         ('[6, "21"]', ['6', '21']),  # of a launch argument
+        ('["Tomate 7", 010]', ['Tomate 7', '010']),
         ([6, 21], ['6', '21']),
+        (['Tomate 7'], ['Tomate 7']),
         (6, ['6']),
     ],
 )
@@ -62,15 +64,14 @@ def test_each_parameter_has_its_type_and_its_limits(node):
             {'drive': 'simulated', 'world_file': '/a.sdf', 'tag_locations_file': '/b.json'},
             'world_file and tag_locations_file are both set: set one of them',
         ),
+        *(({'tag_sequence': each}, 'must be ids such as') for each in (False, [True], '[1', '[[1]]')),
+        ({'camera_offset_m': 0.25, 'approach_standoff_m': 0.2}, 'must be less than approach_standoff_m'),
         ({'tag_sequence': '2 1 1'}, "tag_sequence names '1' twice: a mission visits a tag once"),
         *(({'tag_poses_in_map': each}, 'must be true, false or empty') for each in ('yes', 'True', 2, None)),
         ({'bridge_service_name': ''}, "parameter bridge_service_name is '': must be words of letters"),
         *(({each: 'a-b'}, 'must be words') for each in ('map_topic', 'visual_confirmation_service')),
         ({'mission_id_prefix': 'a/b'}, 'parameter mission_id_prefix is .*: must be'),
-        *(
-            ({each: ''}, f'parameter {each} is .*: must be the name')
-            for each in ('estop_topic', 'observations_topic')
-        ),
+        ({'estop_topic': ''}, 'parameter estop_topic is .*: must be the name'),
         *(({'report_file': each}, 'parameter report_file is .*: must be') for each in ('.', '/', 'a/..')),
         *(
             ({'dock_pose': each}, 'parameter dock_pose is .*: must be empty, or x, y and yaw')

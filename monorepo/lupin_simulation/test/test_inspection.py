@@ -27,7 +27,7 @@ from lupin_tag_confirmation.settings import Settings as CameraSettings
 def run_inspection(output: Path, *arguments: str) -> subprocess.CompletedProcess:
     """Run an inspection whose mission waits longer than by default: a node of it may start late."""
     command = [executable('lupin_simulation', 'inspection'), '--output', str(output), *arguments]
-    patience = ['scan_timeout_s:=10', 'retry_delay_seconds:=0.1', 'max_attempts:=1000']
+    patience = ['scan_timeout_s:=10', 'max_attempts:=1000']
     return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
 
 
