@@ -13,19 +13,25 @@ from typing import Any
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import names_text
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.reading.detections import detection_messages
-from lupin_greenhouse_bridge.runtime.parameters import parameter
+from lupin_greenhouse_bridge.runtime.parameters import declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_tag_confirmation.confirmation import TAG_NUMBERS, Detection
 from lupin_tag_confirmation.settings import TOPICS, check_source
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
 
-from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_simulation.settings import LayoutSettings
 
+NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 
 
@@ -34,7 +40,9 @@ class Settings(LayoutSettings):
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     publishes: str = parameter('image', 'What the camera publishes: image, compressed, or detections.')
-    from_odometry: bool = from_odometry_parameter()
+    from_odometry: bool = parameter(
+        False, 'Show the view from the pose in `odom`; false: the tag that `mission/at_tag` names.'
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -46,26 +54,49 @@ class Settings(LayoutSettings):
         return {TAG_NUMBERS[tag_id]: each for tag_id, each in poses.items() if tag_id in TAG_NUMBERS}
 
 
-class FakeCamera(CameraNode):
+class FakeCamera(Node):
     """Publishes images that vary in distance, angle, blur and noise."""
 
     def __init__(self) -> None:
         """Read the layout for a camera on the robot; raises StartUpError."""
-        super().__init__(Settings)
-        self._camera = PinholeCamera()
-        self._tag_poses = {}
-        if self._settings.from_odometry:
-            self._tag_poses = self._settings.tag_poses()
-            tag_ids = self._settings.read_layout()[0].tags
+        super().__init__(NODE_NAME)
+        settings = declare_parameters(self, Settings)
+        self._camera, self._random = PinholeCamera(), np.random.default_rng(0)
+        self._tag_poses: dict[int, TagPose] = {}
+        self._tag_id = ''  # of the mission; on the robot it stays empty
+        self._eye: PoseInPlane | None = None  # of the robot, once its odometry has arrived
+        message_type, self._message_of = message_maker(settings.publishes)
+        topic = TOPICS[settings.publishes]
+        self._publisher: Any = self.create_publisher(message_type, topic, qos_profile_sensor_data)
+        if settings.from_odometry:
+            self._tag_poses = settings.tag_poses()
+            tag_ids = settings.read_layout()[0].tags
             if outside := [tag_id for tag_id in tag_ids if tag_id not in TAG_NUMBERS]:
                 shown = names_text('tag', outside, 3)
                 self.get_logger().warning(f'no image shows {shown}: not in tag36h11, which has 0 to 586')
-        message_type, self._message_of = message_maker(self._settings.publishes)
-        source = self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
-        seen = 'the tags ahead of the pose in' if self._settings.from_odometry else 'the tag that is named on'
-        self.get_logger().info(f'ready: {self._publisher.topic_name} shows {seen} {source}')
+            newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
+            source = self.create_subscription(Odometry, 'odom', self._on_odometry, newest)
+        else:
+            source = self.create_subscription(String, 'mission/at_tag', self._on_tag, latched())
+        self.create_timer(1.0 / FRAMES_PER_SECOND, self._on_timer)
+        seen = 'the tags ahead of the pose in' if settings.from_odometry else 'the tag that is named on'
+        self.get_logger().info(f'ready: {self._publisher.topic_name} shows {seen} {source.topic_name}')
+
+    def _on_tag(self, message: String) -> None:
+        self._tag_id = message.data
+
+    def _on_odometry(self, message: Odometry) -> None:
+        """Take the pose. Its frame is that of the layout, because a simulated robot does not slip."""
+        self._eye = pose_in_plane(message.pose.pose)
+
+    def _on_timer(self) -> None:
+        message = self._picture_message()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = NODE_NAME
+        self._publisher.publish(message)
 
     def _picture_message(self) -> Any:
+        """Return the message of what the camera sees now, without its header."""
         random = self._random
         blur_pixels, noise_levels = random.uniform(0.3, 1.2), random.uniform(2.0, 8.0)
         if self._eye:
@@ -91,6 +122,12 @@ def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
         detector = TagDetector()
         return detection_messages().AprilTagDetectionArray, lambda each: detections_of(detector.detect(each))
     return {'image': (Image, image_of), 'compressed': (CompressedImage, compressed_image_of)}[publishes]
+
+
+def image_of(picture: np.ndarray) -> Image:
+    """Return the message of a grey picture."""
+    height, width = picture.shape
+    return Image(height=height, width=width, encoding='mono8', step=width, data=picture.tobytes())
 
 
 def compressed_image_of(picture: np.ndarray) -> CompressedImage:
