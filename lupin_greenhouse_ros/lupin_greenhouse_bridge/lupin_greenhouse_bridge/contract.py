@@ -57,8 +57,8 @@ def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
 
 def fault_of_reading(reading: TagReading) -> str:
     """Return why a bridge cannot have sent this TagReading; '' if it can."""
-    names = [each.name for each in reading.readings]
-    values = [each.value for each in reading.readings]
+    names = [value.name for value in reading.readings]
+    values = [value.value for value in reading.readings]
     faults = (
         (not (reading.tag_id and names), 'it names no tag, or has no value'),
         (not all(names), 'it has a value without the name of a sensor'),
@@ -67,7 +67,7 @@ def fault_of_reading(reading: TagReading) -> str:
         (reading.stamp.sec < 0 or reading.stamp.nanosec >= 1_000_000_000, 'its stamp is no time after 1970'),
         (not 0.0 <= reading.sim_time_of_day_seconds < 86400.0, 'its time of day is not in [0, 86400) s'),
     )
-    return next((fault for is_so, fault in faults if is_so), '')
+    return next((fault for is_wrong, fault in faults if is_wrong), '')
 
 
 def parameter_service_of(service_name: str) -> str:

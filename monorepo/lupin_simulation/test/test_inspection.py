@@ -126,7 +126,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     [
         (['--output', '{folder}/file'], 'File exists'),
         (['--camera', 'compressed'], "'compressed'"),
-        (['tag_file:=/none.json'], "'/none.json'"),
+        (['tag_file:=/none.json'], "'/none.json': No such file or directory"),
         (['tag_ids:=1,99'], 'tag_ids'),
         (['report_file:=x.jsonl'], 'report_file'),
         (['debug_seed:=', '3'], 'debug_seed:='),

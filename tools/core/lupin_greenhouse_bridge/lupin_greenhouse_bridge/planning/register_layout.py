@@ -83,7 +83,7 @@ def run_registration(
 
 def _register(executor: Executor, options: argparse.Namespace) -> None:
     layout = layout_of(options)
-    if options.pairs:
+    if options.click is None:
         places, frame_id = read_places(options.pairs), MAP_FRAME
     else:
         places, frame_id = _take_clicks(executor, layout, list(dict.fromkeys(options.click)))
