@@ -8,6 +8,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 BLOCK = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+# Options of make: what is built already is not built again, whatever is newer.
+VENV = Path(os.environ['VIRTUAL_ENV'])
+STAMPS = [*VENV.glob('.made-*'), *(VENV / f'workspace/{name}/built' for name in (*TREES, 'ci/stand_ins'))]
+BUILT = [f'--assume-old={stamp}' for stamp in STAMPS]
+# For a shell, whose user types `make`.
+USE_WHAT_IS_BUILT = f'make() {{ command make {" ".join(BUILT)} "$@"; }}'
 
 
 def run(
@@ -33,9 +39,7 @@ def of_a_user(**variables: str) -> dict[str, str]:
 
 def make(*words: object, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
     """Run make with what is built already."""
-    workspaces = Path(os.environ['VIRTUAL_ENV'], 'workspace')
-    built = [word for name in (*TREES, 'ci/stand_ins') for word in ('-o', workspaces / name / 'built')]
-    return run('make', '-f', ROOT / 'Makefile', *built, *words, cwd=cwd, env=of_a_user(**variables))
+    return run('make', '-f', ROOT / 'Makefile', *BUILT, *words, cwd=cwd, env=of_a_user(**variables))
 
 
 def shell_blocks_of(page: str) -> list[tuple[str, str, str]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import domain_coordinator
 import pytest
-from checkout import of_a_user, run, succeed
+from checkout import USE_WHAT_IS_BUILT, of_a_user, run, succeed
 from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
@@ -23,6 +23,7 @@ class Shell:
             ['bash', '-e'], cwd=folder, env=of_a_user(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST'), text=True,
             start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
+        self.paste(USE_WHAT_IS_BUILT)
         # On a busy machine the bridge may be found late.
         self.paste(f'read_tag() {{ command read_tag --timeout {PATIENCE_SECONDS} "$@"; }}')
 
@@ -57,9 +58,7 @@ def copy(tmp_path):
     names = run('git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard').stdout
     folder = tmp_path / 'copy'
     folder.mkdir()
-    succeed('xargs', '-0', 'cp', '--preserve=timestamps', '--parents', '-t', folder, input=names)
-    # Older than what is built.
-    succeed('find', folder, '-type', 'd', '-exec', 'touch', '--date=@0', '{}', '+')
+    succeed('xargs', '-0', 'cp', '--parents', '-t', folder, input=names)
     return folder
 
 

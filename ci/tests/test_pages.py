@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from checkout import of_a_user, shell_blocks_of, succeed
+from checkout import USE_WHAT_IS_BUILT, of_a_user, shell_blocks_of, succeed
 from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.units import name_of
 
@@ -59,7 +59,7 @@ def test_the_course(open_shell):
 def test_the_thread_of_the_readme(copy):
     """A mission drives to every tag; its report, its record and its page have the same values."""
     (block,) = [text for _, _, text in shell_blocks_of('README.md') if THREAD in text]
-    printed = succeed('bash', '-c', f'set -e\n{block}', cwd=copy, env=of_a_user())
+    printed = succeed('bash', '-c', f'set -e\n{USE_WHAT_IS_BUILT}\n{block}', cwd=copy, env=of_a_user())
     assert '29/29 tags read' in printed.splitlines()
     (report,) = copy.glob('.mission/*.jsonl')
     assert len(report.with_name(f'{report.stem}-route.csv').read_text().splitlines()) > 29
