@@ -18,7 +18,6 @@ from checkout import ROOT, TREES, succeed
 PACKAGE_XMLS = sorted(path for tree in TREES for path in ROOT.glob(f'{tree}/*/package.xml'))
 # Names of modules that differ from the key that brings them.
 KEYS = {'PIL': 'python3-pil', 'cv2': 'python3-opencv', 'yaml': 'python3-yaml'}
-OPTIONAL = {'argcomplete'}  # read_tag works without it
 # rosdep has no key: pip or apt brings them, as the documents say.
 WITHOUT_KEY = {'apriltag', 'greenhouse_sim'}
 MIRROR = ROOT / 'lupin_greenhouse_ros'
@@ -66,7 +65,7 @@ def test_each_manifest_is_valid_and_each_import_is_a_dependency(manifest):
     for folder in ('test', package.name, 'launch'):
         for module, path in imported_by(package / folder).items():
             kinds = keys.get(KEYS.get(module, module)) or keys.get(f'python3-{module}', set())
-            of_users = folder != 'test' and 'testing' not in path.parts and module not in OPTIONAL
+            of_users = folder != 'test' and 'testing' not in path.parts
             if not (kinds & {'depend', 'exec_depend'} if of_users else kinds):
                 missing.append(f'{path} imports {module}')
     assert (missing, warnings) == ([], [])

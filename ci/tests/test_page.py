@@ -2,10 +2,9 @@
 
 import io
 import json
-import os
 import re
 import shutil
-from pathlib import Path
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -22,8 +21,7 @@ NO_CHROMIUM = 'Chromium is missing, which opens the page of readings: sudo apt i
 pytestmark = [pytest.mark.heavy, pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)]
 START_S = 1795190000
 EVIL = '<img src=x onerror=alert(1)><script>alert(1)</script><b>&amp;'
-# ci/run_tests.py installs it with npm.
-AXE = Path(os.environ['VIRTUAL_ENV'], 'axe/node_modules/axe-core/axe.min.js')
+AXE = resources.files('axe_playwright_python') / 'axe.min.js'
 COLOURS = "[...document.querySelectorAll('#map .dot')].map(each => each.getAttribute('fill')).join()"
 NAMES = "[...document.querySelectorAll('#map a > title')].map(each => each.textContent)"
 LABELS = "[...document.querySelectorAll('#map tspan:first-child')].map(each => each.textContent)"
@@ -498,7 +496,6 @@ def test_charts_are_equally_wide_and_their_times_below_each_other(tmp_path, open
     assert (page.evaluate(bands) > 0) == ('the line is their median' in page.evaluate(told)) == is_binned
 
 
-@pytest.mark.skipif(not AXE.exists(), reason='no axe-core: sudo apt install npm, then make test-heavy')
 @pytest.mark.parametrize('width', [1400, 390])
 def test_axe_finds_no_fault(report, open_page, width):
     page = open_page(report, width=width)
