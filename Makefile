@@ -16,6 +16,7 @@ export MPLBACKEND := Agg
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
+# For $$* in a list of prerequisites: the stem of the target.
 .SECONDEXPANSION:
 
 ENV := $(VENV)/.made-$(DISTRO)
@@ -24,16 +25,18 @@ MONOREPO := $(VENV)/workspace/monorepo/built
 MIRROR := $(VENV)/workspace/lupin_greenhouse_ros/built
 STAND_INS := $(VENV)/workspace/ci/stand_ins/built
 IN_ENV := source ci/ros_env.bash &&
-# What tests import from beside them. The plugins that colcon brings do not fit an old pytest.
+# For what needs no package of ours, and may run while one is built.
+BARE := source ci/ros_env.bash without-overlay &&
+# What tests import from beside them; it depends on TREE. The plugins that colcon brings do not fit an old pytest.
 TEST_PATH = $(subst $() ,:,$(abspath $(wildcard $(TREE)/*/test) ci ci/tests tools tools/tests tools/draw tools/measure))
-# A hang fails. Tests often wait, so there are more workers than cores.
+# A hang fails. Tests often wait, so three workers do for two cores.
 PYTEST = PYTHONPATH=$(TEST_PATH):$$PYTHONPATH PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 timeout --kill-after=30 25m \
     python -m pytest -c .pytest.ini -p xdist -n 3 --import-mode=importlib -p no:cacheprovider
 TESTS := $(wildcard monorepo/*/test) ci/tests $(wildcard tools/*tests tools/*/tests)
 NEWEST_REPORT := $(or $(shell ls -t .mission/*.jsonl 2>/dev/null | head -n 1),.mission)
 
-# Their programs are in the monorepo, whatever TREE says.
-bench figure mission page soak tags test-monorepo world: override TREE := monorepo
+# What these run is in the monorepo, whatever TREE says.
+bench docs-check figure mission page soak tags test-heavy test-monorepo world: override TREE := monorepo
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z-]+):.*## (.*)/  \1\t\2/p' Makefile | expand -t 18
@@ -71,33 +74,33 @@ $(ENV): ci/environment.py $(wildcard ci/requirements/*.txt)
 	@touch $@
 
 build: $(BUILT)  ## build TREE with colcon
-# The packages are named one by one, because COLCON_IGNORE hides the mirror. A module that was deleted leaves the folder
-# where colcon copied it. Messages leave out C++, which takes most of the time. What ROS has needs no stand-in.
+# The stem is a folder of packages, which are named one by one, because the COLCON_IGNORE in the mirror hides its root.
+# The Python packages are built anew, because colcon would keep a module that was deleted. Stand-ins are left out where
+# ROS has the package. Messages leave out C++, which takes most of the time.
 $(VENV)/workspace/%/built: $(ENV) $$(shell find $$* -not -name __pycache__ -not -name '*.pyc')
-	@mkdir -p $(@D)
-	@rm -rf $(filter-out %_msgs,$(wildcard $(@D)/build/lupin_* $(@D)/install/lupin_*))
-	@source ci/ros_env.bash without-overlay && export MAKEFLAGS=-j$$(nproc) && \
-	    there=$$(python -c 'import importlib.util as u; print(*filter(u.find_spec, ["apriltag_msgs", "nav2_msgs"]))') && \
-	    flock $(@D).lock python -m colcon --log-base $(@D)/log build --build-base $(@D)/build --install-base $(@D)/install \
-	    --packages-skip $$there --paths $(patsubst %/package.xml,%,$(wildcard $*/*/package.xml)) \
+	@mkdir -p $(@D) && exec 9>$(@D).lock && flock 9 && $(BARE) export MAKEFLAGS=-j$$(nproc) && \
+	    rm -rf $(filter-out %_msgs,$(wildcard $(@D)/build/lupin_* $(@D)/install/lupin_*)) && \
+	    in_ros=$$(python -c 'import importlib.util as u; print(*filter(u.find_spec, ["apriltag_msgs", "nav2_msgs"]))') && \
+	    python -m colcon --log-base $(@D)/log build --build-base $(@D)/build --install-base $(@D)/install \
+	    --packages-skip $$in_ros --paths $(patsubst %/package.xml,%,$(wildcard $*/*/package.xml)) \
 	    --cmake-args -DPython3_EXECUTABLE=$(VENV)/bin/python -DBUILD_TESTING=OFF -DWITH_CPP=OFF --no-warn-unused-cli
 	@touch $@
 
 generate: $(ENV)  ## write both trees from tools/core (ARGS=--force drops an edit)
-	@$(IN_ENV) python tools/generate.py $(ARGS)
+	@$(BARE) python tools/generate.py $(ARGS)
 
 generate-check: $(ENV)  ## check that both trees are what tools/core generates
-	@$(IN_ENV) python tools/generate.py --check
+	@$(BARE) python tools/generate.py --check
 
 drift:  ## check that the two trees differ in the one allowed line only
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
 lint: $(ENV)  ## check the code with ruff, mypy and deno, the spelling, and the workflows against their schema
-	@$(IN_ENV) ruff check . && ruff format --check .
-	@$(IN_ENV) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'tools/*.js')
-	@$(IN_ENV) mypy
-	@$(IN_ENV) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
-	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $$(git ls-files '*.github/workflows/*.yml')
+	@$(BARE) ruff check . && ruff format --check .
+	@$(BARE) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'tools/*.js')
+	@$(BARE) mypy
+	@$(BARE) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
+	@$(BARE) check-jsonschema --builtin-schema vendor.github-workflows $$(git ls-files '*.github/workflows/*.yml')
 
 docs-check: $(MONOREPO)  ## check the links and the tables of parameters in the documents
 	@$(IN_ENV) python ci/docs_check.py
@@ -107,7 +110,7 @@ test:  ## check the code and the documents, build both trees, and run the tests 
 	@$(MAKE) docs-check test-monorepo
 	@$(MAKE) test-mirror
 
-# The two packages of messages are compared on the wire, so the mirror's lies beside.
+# A test compares the messages of both trees on the wire, so it needs the mirror's too.
 test-monorepo: $(MONOREPO) $(MIRROR) $(STAND_INS)
 	@$(IN_ENV) source $(MIRROR:built=install)/lupin_greenhouse_msgs/share/lupin_greenhouse_msgs/package.bash && $(PYTEST) -m 'not heavy' $(TESTS)
 
