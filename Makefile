@@ -111,15 +111,16 @@ test:  ## check the code and the documents, build both trees, and run the tests 
 	@$(MAKE) test-mirror
 
 # A test compares the messages of both trees on the wire, so it needs the mirror's too.
+IN_BOTH := $(IN_ENV) source $(MIRROR:built=install)/lupin_greenhouse_msgs/share/lupin_greenhouse_msgs/package.bash &&
 test-monorepo: $(MONOREPO) $(MIRROR) $(STAND_INS)
-	@$(IN_ENV) source $(MIRROR:built=install)/lupin_greenhouse_msgs/share/lupin_greenhouse_msgs/package.bash && $(PYTEST) -m 'not heavy' $(TESTS)
+	@$(IN_BOTH) $(PYTEST) -m 'not heavy' $(TESTS)
 
 test-mirror: override TREE := lupin_greenhouse_ros
 test-mirror: $(MIRROR)
 	@$(IN_ENV) $(PYTEST) $(wildcard lupin_greenhouse_ros/*/test)
 
 test-heavy: $(MONOREPO) $(MIRROR) $(STAND_INS)  ## run what takes minutes, in other environments too
-	@$(IN_ENV) $(PYTEST) -m heavy $(TESTS)
+	@$(IN_BOTH) $(PYTEST) -m heavy $(TESTS)
 	@$(MAKE) test-mirror VENV=$(VENV)-jazzy DISTRO=jazzy WITH=mdp-greenhouse==1.0.7
 	@$(MAKE) test-monorepo VENV=$(VENV)-oldest PYTHON=$(PYTHON3_10) WITH=ci/requirements/ubuntu_22_04.txt \
 	    TESTS='$(wildcard monorepo/*/test)'

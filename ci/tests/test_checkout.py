@@ -67,7 +67,7 @@ def test_colcon_test_runs_every_test(tree, tmp_path):
     tested = [path for path in packages if (path / 'test').is_dir()]
     paths = ['--paths', *tested]
     colcon(tree, 'build', tmp_path, *paths)
-    colcon(tree, 'test', tmp_path, *paths, '--return-code-on-test-failure', '--pytest-args', '"-n 3"')
+    colcon(tree, 'test', tmp_path, *paths, '--return-code-on-test-failure', '--pytest-args', '" -n"', '3')
     for package in tested:
         collect = f'cd {package} && python -m pytest --collect-only -q -p no:cacheprovider'
         script = f'source {ROOT}/ci/ros_env.bash && {collect}'
