@@ -116,7 +116,7 @@ test-monorepo: $(MONOREPO) $(MIRROR) $(STAND_INS)
 	@$(IN_BOTH) $(PYTEST) -m 'not heavy' $(TESTS)
 
 test-mirror: override TREE := lupin_greenhouse_ros
-test-mirror: $(MIRROR)
+test-mirror: $(MIRROR) $(STAND_INS)
 	@$(IN_ENV) $(PYTEST) $(wildcard lupin_greenhouse_ros/*/test)
 
 test-heavy: $(MONOREPO) $(MIRROR) $(STAND_INS)  ## run what takes minutes, in other environments too
