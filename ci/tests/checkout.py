@@ -33,7 +33,7 @@ def succeed(*command: object, **options) -> str:
 
 def of_a_user(**variables: str) -> dict[str, str]:
     """Return the variables of a shell that is not started by make, with the environment of the monorepo."""
-    own = {name: value for name, value in os.environ.items() if not name.startswith('MAKE')}
+    own = {name: value for name, value in os.environ.items() if not name.startswith(('MAKE', 'PYTEST'))}
     return own | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'} | variables
 
 
