@@ -1,6 +1,7 @@
 """The README's first commands print what it shows, and the check of the documents can fail."""
 
 import ast
+import json
 import re
 
 import docs_check
@@ -38,6 +39,13 @@ def test_the_two_commands_of_the_readme(open_shell):
     assert "Tag '99' is not in" in run_client("tag_id='1'", "tag_id='99'")
     server.close()
     assert 'exit code 1' in run_client('timeout_sec=5.0', 'timeout_sec=0.1')
+
+
+def test_a_bridge_in_a_namespace_is_read_there(open_shell):
+    open_shell().paste('make run ARGS="namespace:=team7 debug_time_of_day:=12"')
+    service = '/team7/greenhouse_bridge/get_tag_reading'
+    printed = open_shell().run(f'make read ARGS="--json --timeout 60 --service {service}" 2>/dev/null')
+    assert json.loads(printed)['sim_time_of_day_seconds'] == 43200.0
 
 
 def test_the_mirror_shows_the_table_of_the_readme():
