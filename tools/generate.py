@@ -35,8 +35,13 @@ COMMENTS |= {'.css': '/* {} */\n', '.js': '// {}\n', '.rst': '.. {}\n\n'}
 FIRST_LINES = re.compile(
     rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
 )
-# Where the mirror's README has the mirror's address.
-ADDRESS = re.compile(rb'(?<=git clone --branch ready )\S+(?= src/)|(?<=    url: )\S+')
+# How the mirror's README gets the mirror into a workspace: by its address, or without one from the monorepo.
+CLONE = 'git clone --branch ready {} ~/lupin_ws/src/lupin_greenhouse_ros'
+COPY = """cp -r lupin_greenhouse_ros ~/lupin_ws/src/  # from a clone of the monorepo, in its root
+rm ~/lupin_ws/src/lupin_greenhouse_ros/COLCON_IGNORE"""
+CLONE_OR_COPY = re.compile(
+    rb'^(git clone --branch ready .*|cp -r lupin_greenhouse_ros .*\nrm .*)$', re.MULTILINE
+)
 File = tuple[bytes, int]  # content, and mode as git keeps it
 Files = dict[str, File]  # by path, with /
 Table = dict[str, Any]
@@ -112,11 +117,12 @@ def exchange(content: bytes, divergence: Table, old: str, new: str) -> bytes:
 
 
 def _readme_with_address(root: Path, mirror: Table) -> Files:
-    path = f'{mirror["root"]}/README.md'
+    path, address = f'{mirror["root"]}/README.md', mirror['address']
     content, mode = read(root / path) or (b'', 0)
-    content, count = ADDRESS.subn(mirror['address'].encode(), content)
-    if count != 2:
-        raise RefusedError(f'{path}: must have `git clone --branch ready ADDRESS src/...` and `url: ADDRESS`')
+    command = CLONE.format(address) if address else COPY
+    content, count = CLONE_OR_COPY.subn(lambda _: command.encode(), content)
+    if count != 1:
+        raise RefusedError(f'{path}: must have `{CLONE.format("ADDRESS")}` once, or in its place\n{COPY}')
     return {path: (content, mode)}
 
 

@@ -5,7 +5,8 @@ Publish the mirror: the branches `main` and `ready`, and a release.
 
 `main` is the history of lupin_greenhouse_ros/, split out of the last commit here. `ready` is `main` without
 COLCON_IGNORE, so that colcon finds the packages of a clone. A release is a tag with the version of both
-packages. No history is rewritten, and either everything is pushed or nothing.
+packages. No history is rewritten, and either everything is pushed or nothing. The first publication writes
+the address of the remote into tools/twins.toml and the mirror's README, to be committed.
 Exit code: 0 published, or nothing to do; 1 refused.
 """
 
@@ -13,6 +14,7 @@ import argparse
 import re
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 import check_drift
 import generate
@@ -30,14 +32,31 @@ def address_of(remote: str) -> str:
     return https.removesuffix('.git')
 
 
+def mirror_address(here: Path) -> str:
+    """Return the address in tools/twins.toml; '' before the first publication."""
+    return str(generate.load_table(here)['trees']['mirror']['address'])
+
+
+def set_address(here: Path, address: str) -> NoReturn:
+    """Write the address into tools/twins.toml and the mirror's README, for the maintainer to commit."""
+    table = here / 'tools/twins.toml'
+    text = table.read_text(encoding='utf-8')
+    table.write_text(text.replace('address = ""', f'address = "{address}"'), encoding='utf-8')
+    generate.main(['--root', str(here)])
+    raise RefusedError(
+        f"nothing is published yet: tools/twins.toml and the mirror's README now name {address}."
+        ' Commit them, then publish again'
+    )
+
+
 def check_this_checkout(here: Path, remote: str) -> None:
     """Raise RefusedError if the last commit must not be published."""
     if git(here, 'status', '--porcelain'):
         raise RefusedError('there are uncommitted changes: commit or stash them')
     if git(here, 'rev-parse', '--is-shallow-repository') == 'true\n':
         raise RefusedError('this clone has a part of the history only: git fetch --unshallow')
-    address = generate.load_table(here)['trees']['mirror']['address']
-    if address_of(address) != address_of(remote):
+    address = mirror_address(here)
+    if address and address_of(address) != address_of(remote):
         raise RefusedError(
             f'the mirror\'s README names {address}, not {remote}: set address = "{address_of(remote)}.git"'
             ' under [trees.mirror] in tools/twins.toml, run make generate, and commit'
@@ -88,6 +107,8 @@ def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[
     check_this_checkout(here, remote)
     tag = f'refs/tags/{release}'
     listed = git(here, 'ls-remote', remote, MAIN, READY, tag).splitlines()
+    if not mirror_address(here) and not is_dry_run:
+        set_address(here, f'{address_of(remote)}.git')
     before = dict(line.split('\t')[::-1] for line in listed)
     if before:
         git(here, 'fetch', '--quiet', '--no-tags', remote, *before)

@@ -137,7 +137,7 @@ def test_files_that_git_ignores_and_other_interfaces_of_the_team_are_left_alone(
         (TABLE, 'bridge_node.py', 'gone.py', 'gone.py: must have'),
         (TABLE, '[trees.monorepo]', '[trees.monorepo', 'twins.toml: '),
         (TABLE, 'address = ', 'adress = ', "twins.toml: 'address' is missing"),
-        (README, 'git clone --branch ready', 'git clone', 'must have `git clone --branch ready ADDRESS'),
+        (README, 'cp -r lupin_greenhouse_ros', 'cp -r .', 'must have `git clone --branch'),
     ],
 )  # fmt: skip
 def test_a_table_that_does_not_fit_the_core_writes_nothing(repository, name, old, new, message, capsys):

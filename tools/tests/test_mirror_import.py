@@ -10,7 +10,7 @@ from clones import commit, edit, git, snapshot
 
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'
-NEW_TITLE = ('README.md', '## All pages', '## Every page')
+NEW_TITLE = ('README.md', '## Pages', '## Every page')
 LOG_MORE = (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
 
 
@@ -159,7 +159,7 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     before = state(monorepo)
     again = import_patch(monorepo, first + second)
     assert (again.returncode, again.stdout) == (0, 'the patches are here already\n')
-    third = patch_of(mirror, ('README.md', '## In a larger workspace', '## In a workspace'))
+    third = patch_of(mirror, ('README.md', '## Other ways to install', '## Other ways'))
     bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert refused(bad).startswith('patch 2: git am: ')
     assert state(monorepo) == before

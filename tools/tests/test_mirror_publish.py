@@ -117,8 +117,20 @@ def test_another_remote_than_that_of_the_address_is_refused_with_what_to_set(rep
     assert publish(to=moved)[0] == 0
     assert git(moved, 'rev-parse', 'main~1').strip() == before['refs/heads/main']
     text = git(moved, 'show', 'ready:README.md')
-    assert f'git clone --branch ready {moved} src/lupin_greenhouse_ros' in text
-    assert f'    url: {moved}\n' in text
+    assert f'\ngit clone --branch ready {moved} ~/lupin_ws/src/lupin_greenhouse_ros\n' in text
+
+
+def test_the_first_publication_writes_the_address_to_be_committed(repository, remote, publish):
+    set_address(repository, '')
+    readme = (repository / README).read_text()
+    assert '\ncp -r lupin_greenhouse_ros ~/lupin_ws/src/  # from a clone of the monorepo' in readme
+    assert publish('--dry-run')[0] == 0
+    assert git(repository, 'status', '--porcelain') == ''
+    code, printed = publish()
+    assert (code, f'now name {remote}. Commit them' in printed, refs(remote)) == (1, True, {}), printed
+    assert f'\ngit clone --branch ready {remote} ~/lupin_ws' in (repository / README).read_text()
+    commit(repository)
+    assert publish()[0] == 0
 
 
 @pytest.mark.parametrize(
