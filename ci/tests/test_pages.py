@@ -42,18 +42,12 @@ def test_the_tutorial(copy, open_shell):
 
 
 def test_the_course(open_shell):
-    """Three teams and a lecturer on one machine, in one shell."""
+    """A bridge with the seed of a team has the team's values."""
     shell = open_shell()
-    blocks = shell_blocks_of(f'{PAGES}/course.md')
-    assert {mark for mark, *_ in blocks} == {'tested by ci/tests/test_pages.py::test_the_course'}
-    start, ask, compare, end = [block for *_, block in blocks]
-    shell.run(start)
-    values = shell.run(ask)
-    assert re.findall(r'^(\d,\w+),', values, re.MULTILINE) == ['1,temperature', '1,co2', '2,humidity'], values
-    first, second, third = (shell.run(f'tail -n +2 my_team{team}.csv') for team in (1, 2, 3))
-    assert len({first, second, third}) == 3
+    [(_, _, compare)] = shell_blocks_of(f'{PAGES}/course.md')
     assert 'team 2 has the values of its seed' in shell.run(compare)
-    shell.run(end)
+    values = shell.run('cat my_team2.csv')
+    assert re.findall(r'^(\d,\w+),', values, re.MULTILINE)[:2] == ['1,temperature', '1,co2'], values
 
 
 def test_the_thread_of_the_readme(copy):
