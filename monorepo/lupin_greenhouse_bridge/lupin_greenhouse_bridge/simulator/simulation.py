@@ -56,7 +56,7 @@ def load(
         if isinstance(error, AttributeError) and isinstance(tag_file, str):
             raise StartUpError(
                 f"tag_file '{tag_path}': mdp-greenhouse {version} takes only a pathlib.Path and got"
-                f' str ({error}): apply custom_tag_file.patch (README.md: "Serve your own tags")'
+                f' str ({error}): leave tag_file empty, or apply custom_tag_file.patch (see README.md)'
             ) from error
         raise StartUpError(
             f"mdp-greenhouse {version} cannot load tag_file '{tag_path}' and sim_config_file '{config_path}':"
