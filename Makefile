@@ -97,7 +97,7 @@ drift:  ## check that the two trees differ in the one allowed line only
 
 lint: $(ENV)  ## check the code with ruff, mypy and deno, the spelling, and the workflows against their schema
 	@$(BARE) ruff check . && ruff format --check .
-	@$(BARE) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'tools/*.js')
+	@$(BARE) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'monorepo/lupin_readings/*.js')
 	@$(BARE) mypy
 	@$(BARE) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
 	@$(BARE) check-jsonschema --builtin-schema vendor.github-workflows $$(git ls-files '*.github/workflows/*.yml')

@@ -29,12 +29,10 @@ CORE = 'tools/core'
 MESSAGES = 'lupin_msgs'  # the message package in the core
 # One text for both trees, so that they do not differ by it; each has a page of this name.
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
-COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}\n')
-COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->\n')
-COMMENTS |= {'.css': '/* {} */\n', '.js': '// {}\n', '.rst': '.. {}\n\n'}
-FIRST_LINES = re.compile(
-    rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
-)
+COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.srv', '.yaml'), '# {}\n')
+COMMENTS |= dict.fromkeys(('.md', '.xml'), '<!-- {} -->\n')
+COMMENTS['.rst'] = '.. {}\n\n'
+FIRST_LINES = re.compile(rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n)*')
 # How the mirror's README gets the mirror into a workspace: by its address, or without one from the monorepo.
 CLONE = 'git clone --branch ready {} ~/lupin_ws/src/lupin_greenhouse_ros'
 COPY = """cp -r lupin_greenhouse_ros ~/lupin_ws/src/  # from a clone of the monorepo, in its root

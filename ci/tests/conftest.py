@@ -9,7 +9,7 @@ import domain_coordinator
 import pytest
 from checkout import USE_WHAT_IS_BUILT, of_a_user, run, succeed
 from lupin_greenhouse_bridge.runtime.process import private_domains
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS
 
 PASTED = '[pasted]'
 

@@ -8,11 +8,11 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.display import readings_page
-from lupin_greenhouse_bridge.recording.rows import Row, utc_of
-from lupin_greenhouse_bridge.recording.store import Store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
+from lupin_readings import readings_page
+from lupin_readings.rows import Row, utc_of
+from lupin_readings.store import Store
 from PIL import Image, ImageColor
 from playwright.sync_api import sync_playwright
 

@@ -5,8 +5,8 @@ import re
 
 import pytest
 from checkout import USE_WHAT_IS_BUILT, of_a_user, shell_blocks_of, succeed
-from lupin_greenhouse_bridge.display.reading_file import read_file
 from lupin_greenhouse_bridge.units import name_of
+from lupin_readings.reading_file import read_file
 
 pytestmark = pytest.mark.heavy
 PAGES = 'tools/core/lupin_greenhouse_bridge/doc'
@@ -21,7 +21,7 @@ def without_noise(text: str) -> str:
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
-    for mark, language, block in shell_blocks_of(f'{PAGES}/tutorial.md'):
+    for mark, language, block in shell_blocks_of('monorepo/tutorial.md'):
         assert mark.endswith('::test_the_tutorial')
         if block.startswith('make run'):
             first.close()

@@ -159,7 +159,6 @@ def test_a_core_of_symlinks_and_a_folder_without_git_are_refused(repository, cap
         ('a.py', '#!/usr/bin/env python3\n# PYTHON_ARGCOMPLETE_OK\n'),
         ('a.py', '# -*- coding: utf-8 -*-\n'),
         ('a.xml', '<?xml version="1.0"?>\n<?xml-model href="x"?>\n'),
-        ('a.html', '<!doctype html>\n'),
         ('a.rst', ''),
     ],
 )

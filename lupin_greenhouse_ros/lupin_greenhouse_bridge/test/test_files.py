@@ -9,7 +9,6 @@ import pytest
 import yaml
 from greenhouse_sim.sensors import CO2Sensor
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.config import SCHEMA
@@ -241,13 +240,6 @@ def test_a_parameter_makes_its_key_in_the_config_unnecessary(write, given):
     path = write('sim_config_file', time)
     assert simulation.load(Settings(**given), None, path).tag_ids
     assert 'speedup_factor' in refused(load, 'sim_config_file', path)
-
-
-def test_a_sensor_that_the_config_lacks_is_refused_by_the_commands_too(write, capsys):
-    path = write('tag_file', {'tags/7/sensors': ['CO2']})
-    assert approach_poses.main(['approach_poses', '--tag-file', str(path)]) == 2
-    fault = f"tag_file '{path}': tag '7' has the sensor 'CO2', which sim_config_file '"
-    assert fault in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('is_nested', [True, False])

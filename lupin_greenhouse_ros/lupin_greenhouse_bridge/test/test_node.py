@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.testing._helpers import call, wait_until
+from lupin_greenhouse_bridge.testing.helpers import call, wait_until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup

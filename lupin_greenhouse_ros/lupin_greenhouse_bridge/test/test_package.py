@@ -17,10 +17,7 @@ ROWS = (
     ('settings', 'interfaces', 'contract'),
     ('simulator',),
     ('bridge_node',),
-    ('planning',),
-    ('recording',),
     ('reading',),
-    ('display',),
     ('testing',),
 )
 SETUP = (PACKAGE / 'setup.py').read_text(encoding='utf-8')
@@ -63,16 +60,11 @@ def test_every_room_has_its_row():
 
 @pytest.mark.parametrize('row', ROWS, ids=' '.join)
 def test_a_module_imports_only_from_its_row_and_those_above_it(row):
-    above = set().union(*ROWS[: ROWS.index(row) + 1]) - ({'reading'} if row == ('display',) else set())
+    above = set().union(*ROWS[: ROWS.index(row) + 1])
     files = [file for name in row for file in (*MODULES.glob(f'{name}.py'), *MODULES.glob(f'{name}/*.py'))]
     room = re.compile(r'\blupin_greenhouse_bridge\.(\w+)')
     found = {file.name: {*room.findall(' '.join(imports(file)))} - above for file in files}
     assert not {name: rooms for name, rooms in found.items() if rooms}
-
-
-def test_only_the_planner_needs_scipy():
-    files = [file for file in MODULES.rglob('*.py') if re.search(r'\bscipy\b', ' '.join(imports(file)))]
-    assert {file.parent.name for file in files} == {'planning'}
 
 
 def test_one_module_imports_what_rclpy_keeps_for_itself():

@@ -7,18 +7,18 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
-from conftest import SPINS, Terminal, ended_process
+from conftest import Terminal, ended_process
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
-from lupin_greenhouse_bridge.testing._helpers import (
+from lupin_greenhouse_bridge.testing.commands import SIGNALS, SPINS
+from lupin_greenhouse_bridge.testing.helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     spinning_node,
 )
-from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.executors import SingleThreadedExecutor
 
 NO_ANSWER, INTERRUPTED = 3, 130
@@ -69,7 +69,7 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_he
 @pytest.mark.parametrize('arguments', [['1'], ['1', '--watch', '9']])
 def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments):
     ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
-    assert ended == (INTERRUPTED, f'signalled in {moment}\n', '')
+    assert (ended.code, ended.out, ended.err) == (INTERRUPTED, f'signalled in {moment}\n', '')
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
     ask = ('1', '--watch', '100', '--service', noon_bridge.service_name)
     between = 'lupin_greenhouse_bridge/runtime/process.py:sleep'
     ended = read_tag_here(*ask, signals_at={between: signals})
-    assert (ended.code, ended.said) == (0, '')
+    assert (ended.code, ended.messages) == (0, '')
     assert ended.out.startswith('tag')
 
 

@@ -14,18 +14,19 @@ from types import SimpleNamespace
 import domain_coordinator
 import pytest
 import rclpy
-from conftest import ended_process, reading_of
+from conftest import ended_process
 from lupin_greenhouse_bridge.contract import answer_of
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import client, read_tag
 from lupin_greenhouse_bridge.reading.table import CSV_COLUMNS, print_table
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.testing._helpers import (
+from lupin_greenhouse_bridge.testing.helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     executable,
     spinning_node,
 )
+from lupin_greenhouse_bridge.testing.slow_bridge import reading_of
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
@@ -77,7 +78,7 @@ def empty_domain():
 
 def test_readings_are_a_table_and_each_failure_is_a_line(read, noon_bridge, warm_tag_id, shipped_tags):
     ended = read('--all')
-    assert (ended.code, ended.said) == (ALL_READ, '')
+    assert (ended.code, ended.messages) == (ALL_READ, '')
     header, *rows, last = (line.split() for line in ended.out.splitlines())
     assert header == ['tag', 'sim', 'time', 'sensor', 'value', 'unit']
     temperature = noon_bridge.values(warm_tag_id)['temperature']
@@ -87,7 +88,7 @@ def test_readings_are_a_table_and_each_failure_is_a_line(read, noon_bridge, warm
     ended = read('6', '99')
     assert ended.code == SOME_FAILED
     assert ended.out.splitlines()[-1] == '1/2 tags read'
-    assert ended.said.startswith("read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse (")
+    assert ended.messages.startswith("read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse (")
 
 
 def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon_bridge, warm_tag_id):
@@ -109,7 +110,7 @@ def test_csv_has_the_columns_of_a_recorded_reading_and_one_header(read, shipped_
     monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
     ended = read('99', *shipped_tags, '--csv', '--watch', '10', '--count', '2')
     assert ended.code == SOME_FAILED
-    assert ended.said.count("read_tag: UNKNOWN_TAG: Tag '99'") == 2
+    assert ended.messages.count("read_tag: UNKNOWN_TAG: Tag '99'") == 2
     assert ended.out.count(','.join(CSV_COLUMNS)) == 1
     rows = list(csv.DictReader(ended.out.splitlines()))
     values = [(tag_id, name) for tag_id, tag in shipped_tags.items() for name in tag['sensors']]
@@ -159,7 +160,7 @@ def test_a_reading_that_no_bridge_sends_fails_its_tag_in_one_line(read_tag_here)
         node.create_service(GetTagReading, '/climate/get_tag_reading', reply_badly)
         ended = read_tag_here(*BAD_READINGS, '7', '--csv', '--service', '/climate/get_tag_reading')
     assert ended.code == SOME_FAILED
-    assert ended.said.splitlines() == [
+    assert ended.messages.splitlines() == [
         f"read_tag: BAD_READING: the reading of tag '{tag_id}': {fault}"
         for tag_id, (_, fault) in BAD_READINGS.items()
     ]
@@ -192,7 +193,7 @@ def test_a_closed_pipe_ends_it_without_a_traceback(noon_bridge):
 def test_a_wrong_command_line_is_exit_code_2_and_says_why(read_tag_here, arguments, last_line):
     ended = read_tag_here(*arguments)
     assert (ended.code, ended.out) == (USAGE, '')
-    assert last_line in ended.said.splitlines()[-1]
+    assert last_line in ended.messages.splitlines()[-1]
 
 
 def test_all_are_the_tags_that_the_bridge_names_in_natural_order(run_here, read_tag_here, times_out_when):
@@ -201,7 +202,7 @@ def test_all_are_the_tags_that_the_bridge_names_in_natural_order(run_here, read_
         node.create_service(GetTagReading, '~/get_tag_reading', reply)
         arguments = '--all', '--json', '--service', '/stranger/get_tag_reading'
         ended = read_tag_here(*arguments)
-        assert (ended.code, ended.said) == (
+        assert (ended.code, ended.messages) == (
             USAGE,
             'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids:'
             ' name the tag ids instead of --all',
@@ -216,14 +217,14 @@ def test_all_are_the_tags_that_the_bridge_names_in_natural_order(run_here, read_
         node.create_service(GetTagReading, '/elsewhere/readings', reply)
         ended = run_here(read_tag.main, '--all', '--service', '/elsewhere/readings')
     assert ended.code == NO_ANSWER
-    assert ' offers /elsewhere/get_parameters: ' in ended.said
+    assert ' offers /elsewhere/get_parameters: ' in ended.messages
 
 
 def test_no_bridge_is_one_line_with_the_domain_and_the_service(run_here):
     with empty_domain() as domain:
         ended = run_here(read_tag.main, '1', '--service', '/nobody/readings', '--timeout', '0.01')
     assert (ended.code, ended.out) == (NO_ANSWER, '')
-    (line,) = ended.said.splitlines()
+    (line,) = ended.messages.splitlines()
     assert line.startswith(f'read_tag: no bridge on domain {domain} offers /nobody/readings: start one')
 
 
@@ -243,7 +244,7 @@ def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monk
     tag_ids = [row.split()[0] for row in ended.out.splitlines()]
     one_round = ['tag', *['6'] * len(shipped_tags['6']['sensors']), '1/2']
     assert tag_ids == one_round * 3
-    assert ended.said.count('UNKNOWN_TAG') == 3
+    assert ended.messages.count('UNKNOWN_TAG') == 3
 
 
 @pytest.mark.parametrize(('count', 'code'), [('3', NO_ANSWER), ('5', ALL_READ)])
@@ -271,7 +272,7 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
         ended = run_here(read_tag.main, '1', '--service', service, '--watch', '1', '--count', count)
         is_there.set()
     assert ended.code == code
-    assert ended.said == f'read_tag: {service} did not answer within 5 s; still watching'
+    assert ended.messages == f'read_tag: {service} did not answer within 5 s; still watching'
 
 
 def answer(tag_id, seconds=0.0, **values):

@@ -11,15 +11,12 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge import bridge_node, settings
-from lupin_greenhouse_bridge.display import show_readings
+from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.reading import read_on_sight
-from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.testing._helpers import check_settings, running
+from lupin_greenhouse_bridge.testing.helpers import check_settings, running
 
 SHARE = get_package_share_path('lupin_greenhouse_bridge')
 PARAMETER_FILE = SHARE / 'config/greenhouse_bridge.yaml'
@@ -87,33 +84,10 @@ def test_a_bad_parameter_is_refused_before_it_serves(bridge_here, monkeypatch, p
     assert fragment in fatal
 
 
-@pytest.mark.parametrize(
-    ('main', 'name', 'value', 'fragment'),
-    [
-        (record_readings.main, 'file', 'r.csv', "file 'r.csv' does not end in .sqlite or .db: name it"),
-        (record_readings.main, 'file', 'no/a.db', "no/a.db': unable to open database file: make the folder"),
-        (record_readings.main, 'file', 'folder.db', "folder.db': not a regular file: name another file"),
-        (record_readings.main, 'readings_topics', '/a no-name', 'readings_topics: Invalid topic name: '),
-        *((record_readings.main, 'readings_topics', each, 'topics is ') for each in ("' '", '7', '[1, 2]')),
-        (show_readings.main, 'sensor', 'ozone', "sensor is 'ozone': the greenhouse config has no"),
-        (show_readings.main, 'map_frame', "' '", "is ' ': must be the name of a frame, such as map"),
-        (show_readings.main, 'readings_topics', "''", "is '': must be the name of a topic"),
-        (show_readings.main, 'layout_in_map', '/none.yaml', "'/none.yaml'"),
-    ],
-)
-def test_a_bad_parameter_of_a_node_is_refused(run_here, tmp_path, monkeypatch, main, name, value, fragment):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'folder.db').mkdir()
-    assert fragment in run_here(main, '--ros-args', '-p', f'{name}:={value}').refusal
-
-
 def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
     nodes = yaml.safe_load(PARAMETER_FILE.read_text(encoding='utf-8'))
     assert {node: parameters['ros__parameters'] for node, parameters in nodes.items()} == {
         '/**/greenhouse_bridge': dataclasses.asdict(Settings()),
-        '/**/read_on_sight': dataclasses.asdict(read_on_sight.Settings()),
-        '/**/record_readings': dataclasses.asdict(record_readings.Settings()),
-        '/**/show_readings': dataclasses.asdict(show_readings.Settings()),
     }
 
 
@@ -215,9 +189,8 @@ def test_the_arguments_of_launch_are_described_and_default_to_the_parameters(lau
     assert list(declared) == ['namespace', 'log_level', 'params_file', 'respawn']
 
 
-@pytest.mark.parametrize('node', [settings, read_on_sight, record_readings, show_readings])
-def test_each_parameter_has_its_type_and_its_limits(node):
-    check_settings(node.Settings)
+def test_each_parameter_has_its_type_and_its_limits():
+    check_settings(Settings)
 
 
 def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):

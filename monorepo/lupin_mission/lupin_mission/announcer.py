@@ -5,13 +5,13 @@ import time
 
 from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
+from lupin_readings.report_line import Observation, Outcome
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header, String

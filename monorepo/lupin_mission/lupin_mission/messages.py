@@ -7,9 +7,9 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.contract import answer_of
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
+from lupin_readings.report_line import Observation, Outcome, Reading
 
 from lupin_mission.mission import Mission, State
 from lupin_mission.visit import Request, Service

@@ -10,7 +10,7 @@ from enum import Enum, IntEnum
 from functools import partial
 from typing import Protocol
 
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
+from lupin_readings.report_line import Observation, Outcome, Reading
 
 from lupin_mission.drive import DEPENDENCY_TIMEOUT, Arrival, Drive
 from lupin_mission.settings import Settings

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
@@ -22,6 +21,7 @@ from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
+from lupin_readings.report_line import Observation, Outcome
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node

@@ -9,7 +9,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
+from lupin_planning.poses import PoseInPlane, pose_in_plane, pose_message
 from rclpy.action.client import ActionClient
 from rclpy.node import Node
 from rclpy.qos import qos_profile_action_status_default

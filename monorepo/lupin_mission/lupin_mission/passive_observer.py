@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.contract import fault_of_reading, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
     declare_parameters,
@@ -20,6 +19,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_msgs.msg import MissionState, Observation, TagReading
+from lupin_planning.registration import read_transform
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header

@@ -1,13 +1,13 @@
 """Plan a robot's drives: its goal in the map for each tag, and the order of visits. Does not import ROS."""
 
-from lupin_greenhouse_bridge.planning.approach import find_approaches
-from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
-from lupin_greenhouse_bridge.planning.overrides import read_overrides
-from lupin_greenhouse_bridge.planning.registration import Transform
-from lupin_greenhouse_bridge.planning.route import plan_route
-from lupin_greenhouse_bridge.planning.walls import find_walls
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout
+from lupin_planning.approach import find_approaches
+from lupin_planning.occupancy import OccupancyMap
+from lupin_planning.overrides import read_overrides
+from lupin_planning.poses import PoseInPlane
+from lupin_planning.registration import Transform
+from lupin_planning.route import plan_route
+from lupin_planning.walls import find_walls
 
 from lupin_mission.settings import Settings
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
-from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
+from lupin_planning.occupancy import OccupancyMap
+from lupin_planning.poses import pose_in_plane
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 

@@ -4,7 +4,9 @@ import argparse
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import UsageError, escaped
-from lupin_greenhouse_bridge.planning.register_layout import (
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
+from lupin_msgs.msg import DiscoveredTags
+from lupin_planning.register_layout import (
     EPILOG,
     add_arguments,
     layout_of,
@@ -13,9 +15,7 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     run_registration,
     spin_until,
 )
-from lupin_greenhouse_bridge.recording.subscription import watch_publishers
-from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
-from lupin_msgs.msg import DiscoveredTags
+from lupin_readings.subscription import watch_publishers
 from rclpy.executors import Executor
 
 from lupin_mission.tag_positions import discovered_positions

@@ -8,10 +8,10 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading, parse_report
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, reason_of
 from lupin_greenhouse_bridge.runtime.output import aligned_table
 from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of, value_text
+from lupin_readings.report_line import Observation, Outcome, Reading, parse_report
 
 SEEN = {True: 'yes', False: 'no', None: ''}
 

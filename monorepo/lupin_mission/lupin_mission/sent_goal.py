@@ -10,7 +10,7 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
+from lupin_planning.poses import pose_in_plane
 from unique_identifier_msgs.msg import UUID
 
 from lupin_mission.mission import Severity

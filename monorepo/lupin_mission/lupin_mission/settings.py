@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import parse_pose, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_planning.viewpoints import ViewingLimits
+from lupin_planning.walls import parse_pose, parse_walls, walls_parameter
 
 from lupin_mission.visit import Service
 

@@ -5,8 +5,8 @@ import math
 from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_msgs.msg import DiscoveredTags
+from lupin_planning.poses import pose_in_plane
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 

@@ -12,9 +12,9 @@ from lupin_greenhouse_bridge.contract import (
     parameter_service_of,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, shipped_file
+from lupin_planning.registration import Transform, read_transform
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.task import Future

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import domain_id, duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
+from lupin_readings.report_line import Outcome
 from rclpy.node import Node
 
 from lupin_mission.settings import Settings

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
+from lupin_readings.report_line import Observation, Outcome, Reading
 
 LONGEST_RETRY_DELAY_SECONDS = 10.0
 

@@ -4,9 +4,9 @@ import re
 from xml.etree import ElementTree
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.simulator.files import read_text
 from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_planning.walls import parse_numbers
 
 TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')
 

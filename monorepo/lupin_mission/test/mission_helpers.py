@@ -22,12 +22,10 @@ import pytest
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import spin_once
 from lupin_greenhouse_bridge.testing import NodeProcess
-from lupin_greenhouse_bridge.testing._helpers import (
+from lupin_greenhouse_bridge.testing.helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     call,
@@ -40,6 +38,8 @@ from lupin_mission import mission_orchestrator
 from lupin_mission.nav2_drive import navigate_to_pose
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, SensorReading, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
+from lupin_planning.poses import pose_message
+from lupin_readings.report_line import Observation, Outcome, parse_report
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import pytest
-from lupin_greenhouse_bridge.display.report_line import Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
 from lupin_mission.mission import Mission, State
 from lupin_mission.settings import Settings
+from lupin_readings.report_line import Outcome, Reading
 
 SETTINGS = Settings(dock_pose='', flower_scan_dwell_s=1.0, scan_timeout_s=2.0)
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated

@@ -8,13 +8,13 @@ import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Severity
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.sent_goal import GoalState
 from lupin_mission.settings import Settings
+from lupin_planning.poses import PoseInPlane, pose_message
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor

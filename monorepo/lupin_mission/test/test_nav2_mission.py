@@ -13,16 +13,16 @@ from importlib.util import find_spec
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import OneLineError
-from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission import nav2_drive, planner, tags
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
+from lupin_planning.registration import Transform
+from lupin_readings.report_line import Outcome
 from mission_helpers import CAMERA, HOUR, READER, localized, publish
 from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Bool

@@ -5,17 +5,17 @@ import os
 
 import pytest
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
-from lupin_greenhouse_bridge.testing._helpers import executable, has_found_a_client, wait_until
-from lupin_greenhouse_bridge.testing._signals import SIGNALS
+from lupin_greenhouse_bridge.testing.commands import SIGNALS
+from lupin_greenhouse_bridge.testing.helpers import executable, has_found_a_client, wait_until
 from lupin_mission import mission_orchestrator, tags, transport
 from lupin_mission.settings import Settings
 from lupin_mission.transport import Transport
 from lupin_mission.visit import Request, Service
 from lupin_msgs.msg import Observation, TagReading
 from lupin_msgs.srv import GetTagReading
+from lupin_readings.report_line import Outcome
 from mission_helpers import CAMERA, HOUR, READER, REAL, observations_in
 from rcl_interfaces.msg import ParameterValue
 

@@ -7,10 +7,10 @@ import pytest
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, Quaternion
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission.passive_observer import PassiveObserver, Settings
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation, SensorReading, TagReading
+from lupin_planning.registration import Transform, write_transform
 from mission_helpers import Subscriber, discovered, localized, publish
 from rclpy.qos import QoSProfile
 

@@ -5,11 +5,11 @@ import math
 from dataclasses import replace
 
 import pytest
-from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
-from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
+from lupin_planning.occupancy import OccupancyMap
+from lupin_planning.registration import Transform
 
 # A table along x; the tags are on its south side and face south.
 LAYOUT = Layout(

@@ -4,11 +4,11 @@ import math
 import signal
 
 import pytest
-from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.testing._helpers import executable
+from lupin_greenhouse_bridge.testing.helpers import executable
 from lupin_mission import register_discovered_tags
 from lupin_msgs.msg import DiscoveredTags
+from lupin_planning.registration import Transform, read_registration
 from mission_helpers import TWIN_QOS, discovered
 from rclpy.utilities import get_default_context
 

@@ -5,8 +5,8 @@ import resource
 from dataclasses import replace
 
 import pytest
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_mission.report import Report, ReportError, summary_table
+from lupin_readings.report_line import Observation, Outcome, Reading
 from mission_helpers import observations_in
 
 OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))

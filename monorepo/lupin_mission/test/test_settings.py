@@ -7,11 +7,11 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.testing._helpers import check_settings
+from lupin_greenhouse_bridge.testing.helpers import check_settings
 from lupin_mission import passive_observer, settings
 from lupin_mission.settings import Settings
 from lupin_mission.visit import Service
+from lupin_planning.viewpoints import ViewingLimits
 
 
 def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():

@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
-from lupin_greenhouse_bridge.display.reading_file import read_file
-from lupin_greenhouse_bridge.display.report_line import Outcome
-from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
+from lupin_greenhouse_bridge.testing.helpers import executable, wait_until
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
+from lupin_readings.reading_file import read_file
+from lupin_readings.report_line import Outcome
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subscriber, publish
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
@@ -183,7 +183,7 @@ def test_every_tag_of_the_bridge_is_read_on_a_machine_without_the_simulator_and_
     rows = read_file(tmp_path / f'report-{started}.jsonl').rows
     topic = f'{mission.namespace}/{READINGS}'
     recorder = start_node(
-        [executable('lupin_greenhouse_bridge', 'record_readings')],
+        [executable('lupin_readings', 'record_readings')],
         readings_topics=topic,
         file=tmp_path / 'readings.sqlite',
     )

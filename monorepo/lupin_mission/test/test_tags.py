@@ -6,14 +6,14 @@ import threading
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, has_found_a_client, wait_until
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
 from lupin_mission.world import read_world
 from lupin_msgs.srv import GetTagReading
+from lupin_planning.registration import Transform, write_transform
 from mission_helpers import CAMERA, READER, TWIN_QOS, discovered, localized, publish
 from rclpy.client import Client
 

@@ -6,8 +6,8 @@ import random
 from collections.abc import Iterable
 
 import numpy as np
-from lupin_greenhouse_bridge.planning.grid import Grid
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_planning.grid import Grid
+from lupin_planning.poses import PoseInPlane
 
 from lupin_simulation.settings import Settings
 

@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import names_text
-from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
-from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters, parameter
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from lupin_greenhouse_bridge.runtime.run import run
+from lupin_planning.poses import PoseInPlane, pose_in_plane
+from lupin_planning.tag_poses import TagPose, find_tag_poses
+from lupin_readings.detections import detection_messages
 from lupin_tag_confirmation.confirmation import TAG_NUMBERS, Detection
 from lupin_tag_confirmation.settings import TOPICS, check_source
 from nav_msgs.msg import Odometry

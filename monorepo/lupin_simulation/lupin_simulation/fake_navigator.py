@@ -19,10 +19,10 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.output import check_output_file
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
+from lupin_planning.poses import PoseInPlane, pose_in_plane, pose_message
 from nav_msgs.msg import Odometry
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
 from rclpy.node import Node

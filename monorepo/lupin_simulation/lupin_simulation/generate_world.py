@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import METRES, Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
+from lupin_planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 
 USAGE = 2
 MANIFEST = '.generate_world'  # the files that this program writes

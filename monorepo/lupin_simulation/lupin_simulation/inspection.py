@@ -19,10 +19,10 @@ from pathlib import Path
 
 import domain_coordinator
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
-from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_planning.walls import parse_numbers
 
 from lupin_simulation.inspection_nodes import PARAMETERS, SETTABLE, commands_of, companion, executable
 
@@ -57,7 +57,7 @@ def run_mission(options: argparse.Namespace, report: Path, commands: dict[str, l
     arguments = [str(report)]
     if walls := options.parameters.get('walls'):
         arguments += ['--walls', *map(str, parse_numbers(walls))]
-    page = [executable('lupin_greenhouse_bridge', 'readings_page'), *arguments]
+    page = [executable('lupin_readings', 'readings_page'), *arguments]
     page_exit_code = subprocess.run(page, check=False).returncode
     raise_if_asked_to_end()
     print_line(f'report: {report}')

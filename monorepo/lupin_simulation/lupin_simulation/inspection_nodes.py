@@ -8,9 +8,9 @@ from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
-from lupin_greenhouse_bridge.display.reading_file import COMPANION_ENDINGS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission import settings as mission_settings
+from lupin_readings.reading_file import COMPANION_ENDINGS
 from lupin_tag_confirmation import settings as confirm_tag_settings
 
 from lupin_simulation import settings as navigator_settings
@@ -65,7 +65,7 @@ def commands_of(options: argparse.Namespace, report: Path) -> dict[str, list[str
     mission: dict[str, Any] = {'report_file': str(report), 'wait_for_start': False, 'drive': 'simulated'}
     if options.record:
         recorded = {'file': options.record, 'readings_topics': '/mission/readings'}
-        nodes['record_readings'] = command('lupin_greenhouse_bridge', 'record_readings', given, **recorded)
+        nodes['record_readings'] = command('lupin_readings', 'record_readings', given, **recorded)
         mission['wait_for_subscriber'] = True
     nodes['bridge_node'] = command('lupin_greenhouse_bridge', 'bridge_node', given)
     if options.drive:

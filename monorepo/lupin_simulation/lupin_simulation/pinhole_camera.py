@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from lupin_greenhouse_bridge.planning.tag_poses import TagPose
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_planning.poses import PoseInPlane
+from lupin_planning.tag_poses import TagPose
 
 from lupin_simulation.tag36h11 import MODULES, marker
 

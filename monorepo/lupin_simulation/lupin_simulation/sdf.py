@@ -5,9 +5,9 @@ import math
 from xml.etree.ElementTree import fromstring, indent, tostring
 
 import numpy as np
-from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses, tables_of
-from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
+from lupin_planning.tag_poses import TagPose, find_tag_poses, tables_of
+from lupin_planning.walls import Walls
 from lupin_tag_confirmation.confirmation import tag_number
 from PIL import Image
 

@@ -4,8 +4,11 @@ import math
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.grid import Grid
-from lupin_greenhouse_bridge.planning.walls import (
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
+from lupin_planning.grid import Grid
+from lupin_planning.poses import PoseInPlane
+from lupin_planning.walls import (
     Walls,
     find_walls,
     parse_numbers,
@@ -13,9 +16,6 @@ from lupin_greenhouse_bridge.planning.walls import (
     parse_walls,
     walls_parameter,
 )
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 
 @dataclass(frozen=True)

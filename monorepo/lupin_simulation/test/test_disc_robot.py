@@ -5,8 +5,8 @@ import random
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.testing._helpers import check_settings
+from lupin_greenhouse_bridge.testing.helpers import check_settings
+from lupin_planning.poses import PoseInPlane
 from lupin_simulation import fake_camera
 from lupin_simulation import settings as navigator_settings
 from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, arrival_at

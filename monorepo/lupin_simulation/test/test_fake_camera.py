@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
+from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, call, greet, wait_until
 from lupin_msgs.srv import ConfirmTag
+from lupin_planning.poses import PoseInPlane, pose_message
 from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode

@@ -11,19 +11,19 @@ from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import OneLineError
-from lupin_greenhouse_bridge.planning.approach import find_approaches
-from lupin_greenhouse_bridge.planning.grid import Grid, length_m
-from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import find_walls
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing._helpers import (
+from lupin_greenhouse_bridge.testing.helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     repeat_until_answered,
     running,
     wait_until,
 )
+from lupin_planning.approach import find_approaches
+from lupin_planning.grid import Grid, length_m
+from lupin_planning.poses import PoseInPlane, pose_in_plane, pose_message
+from lupin_planning.viewpoints import ViewingLimits
+from lupin_planning.walls import find_walls
 from lupin_simulation import fake_navigator
 from lupin_simulation.fake_navigator import FakeNavigator
 from nav_msgs.msg import Odometry

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
-from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_mission.world import read_world
+from lupin_planning.tag_poses import find_tag_poses, tables_of
+from lupin_planning.walls import find_walls
 from lupin_simulation import generate_world
 from lupin_simulation.sdf import SDF_FILE, TAG_HEIGHT_M
 from lupin_tag_confirmation.detector import TagDetector

@@ -11,15 +11,15 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from lupin_greenhouse_bridge.display.reading_file import read_route
-from lupin_greenhouse_bridge.planning.approach import find_approaches
-from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import find_walls
-from lupin_greenhouse_bridge.recording.store import read_rows
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing._helpers import executable
+from lupin_greenhouse_bridge.testing.helpers import executable
 from lupin_mission.settings import Settings as MissionSettings
+from lupin_planning.approach import find_approaches
+from lupin_planning.viewpoints import ViewingLimits
+from lupin_planning.walls import find_walls
+from lupin_readings.reading_file import read_route
+from lupin_readings.store import read_rows
 from lupin_simulation import inspection, inspection_nodes
 from lupin_tag_confirmation.settings import Settings as CameraSettings
 

@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.planning.tag_poses import TagPose
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_planning.poses import PoseInPlane
+from lupin_planning.tag_poses import TagPose
 from lupin_simulation.pinhole_camera import TAG_SIDE_M, PinholeCamera
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Settings

@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses
-from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
+from lupin_planning.tag_poses import find_tag_poses
+from lupin_planning.walls import Walls
 from lupin_simulation.sdf import SDF_FILE, world_files
 from lupin_tag_confirmation.confirmation import UnknownTagId
 from lupin_tag_confirmation.detector import TagDetector

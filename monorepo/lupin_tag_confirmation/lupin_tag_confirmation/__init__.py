@@ -1,1 +1,5 @@
-"""Confirm that the camera sees the tag that the mission expects."""
+"""
+Confirm that the camera sees the tag that the mission expects.
+
+Imported by others: confirmation, detector, settings.
+"""

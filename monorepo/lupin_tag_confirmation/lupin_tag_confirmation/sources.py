@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
+from lupin_readings.detections import FAMILIES, detection_messages
 from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_tag_confirmation.confirmation import Detection, Sight

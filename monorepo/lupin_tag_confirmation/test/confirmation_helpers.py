@@ -59,7 +59,7 @@ class Perception:
 
     def __init__(self, node, namespace=''):
         # Here, because pytest must load the plug-in first.
-        from lupin_greenhouse_bridge.testing._helpers import greet, wait_until
+        from lupin_greenhouse_bridge.testing.helpers import greet, wait_until
 
         self.node, self._wait_until = node, wait_until
         self._images = node.create_publisher(Image, f'{namespace}/{TOPICS["image"]}', qos_profile_sensor_data)

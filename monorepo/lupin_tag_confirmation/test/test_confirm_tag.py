@@ -8,7 +8,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from confirmation_helpers import PATIENCE_SECONDS, Perception, image_of, picture_of_tag
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
-from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing.helpers import executable, spinning_node, wait_until
 from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.drawing import GOOD

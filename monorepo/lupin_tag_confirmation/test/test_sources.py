@@ -10,7 +10,7 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from confirmation_helpers import compressed, detections, image_of, marker
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.testing._helpers import check_settings
+from lupin_greenhouse_bridge.testing.helpers import check_settings
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment
 from lupin_tag_confirmation.settings import Settings
 from lupin_tag_confirmation.sources import open_source

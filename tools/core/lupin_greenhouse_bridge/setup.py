@@ -8,7 +8,6 @@ setup(
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={
         package_name: ['schema/*.json'],
-        f'{package_name}.display': ['page/*'],
         f'{package_name}.testing': ['*.xml'],
     },
     data_files=[
@@ -24,8 +23,6 @@ setup(
                 f'{package_name}/schema/tag_locations.schema.json',
             ],
         ),
-        (f'share/{package_name}/rviz', ['rviz/greenhouse.rviz']),
-        (f'share/{package_name}/foxglove', ['foxglove/greenhouse.json']),
     ],
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
@@ -33,13 +30,11 @@ setup(
         'setuptools',
         'jsonschema>=3.2',
         'mdp-greenhouse>=1.0.7',
-        'numpy',
         'packaging',
         'PyYAML',
-        'scipy',
     ],
     extras_require={
-        'test': ['hypothesis', 'matplotlib', 'pillow', 'pytest'],
+        'test': ['hypothesis', 'pytest'],
     },
     zip_safe=True,
     maintainer='Lupin team',
@@ -48,14 +43,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'approach_poses = lupin_greenhouse_bridge.planning.approach_poses:main',
             'bridge_node = lupin_greenhouse_bridge.bridge_node:main',
             'read_tag = lupin_greenhouse_bridge.reading.read_tag:main',
-            'register_layout = lupin_greenhouse_bridge.planning.register_layout:main',
-            'read_on_sight = lupin_greenhouse_bridge.reading.read_on_sight:main',
-            'record_readings = lupin_greenhouse_bridge.recording.record_readings:main',
-            'readings_page = lupin_greenhouse_bridge.display.readings_page:main',
-            'show_readings = lupin_greenhouse_bridge.display.show_readings:main',
         ],
     },
 )

@@ -41,7 +41,8 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.runtime.process import private_domains
 from lupin_greenhouse_bridge.simulator.layout import shipped_file
-from lupin_greenhouse_bridge.testing._helpers import (
+from lupin_greenhouse_bridge.testing.commands import run_here
+from lupin_greenhouse_bridge.testing.helpers import (
     PATIENCE_SECONDS,
     call,
     executable,
@@ -52,8 +53,9 @@ from lupin_greenhouse_bridge.testing._helpers import (
     spinning_node,
     wait_until,
 )
+from lupin_greenhouse_bridge.testing.slow_bridge import slow_bridge
 
-__all__ = ['Bridge', 'NodeProcess', 'wait_until']
+__all__ = ['Bridge', 'NodeProcess', 'run_here', 'slow_bridge', 'wait_until']
 
 
 class NodeProcess:
@@ -224,3 +226,43 @@ def start_bridge() -> Iterator[Callable[..., Bridge]]:
     """Return a function that starts a Bridge with these parameters; each one ends with the test."""
     with contextlib.ExitStack() as stack:
         yield lambda *words, **keywords: stack.enter_context(closing(Bridge(*words, **keywords)))
+
+
+@pytest.fixture(scope='session')
+def _noon_process(own_domain: None) -> Iterator[Bridge]:  # noqa: ARG001 (the domain comes first)
+    with closing(Bridge(debug_time_of_day=12.0)) as bridge:
+        bridge.wait_for_log('ready:')
+        yield bridge
+
+
+@pytest.fixture
+def noon_bridge(_noon_process: Bridge) -> Iterator[Bridge]:
+    """
+    Return a bridge with the shipped greenhouse, frozen at noon. Its client ends with the test.
+
+    In the tests after it, a main() that is refused would end soon after its discovery by this client. The
+    timer of one participant can then deadlock with the end of another (see fast_dds.xml).
+    """
+    yield _noon_process
+    _noon_process.disconnect()
+
+
+@pytest.fixture
+def robot() -> Iterator[Node]:
+    """Return a node of the test with its own context, spun by a thread."""
+    with spinning_node('robot') as node:
+        yield node
+
+
+@pytest.fixture
+def write_layout(tmp_path: Path) -> Callable[..., str]:
+    """Return a function that writes a tag file of places and tables (x0, y0, x1, y1); it returns the path."""
+
+    def write(places_m: dict[str, tuple[float, float]], **tables: tuple[float, float, float, float]) -> str:
+        path, edges = tmp_path / 'tags.json', ('x0', 'y0', 'x1', 'y1')
+        tags = {tag_id: {'x': x, 'y': y, 'sensors': ['co2']} for tag_id, (x, y) in places_m.items()}
+        boxes = {name: dict(zip(edges, table, strict=True)) for name, table in tables.items()}
+        path.write_text(json.dumps({'tags': tags, 'tables': boxes}), encoding='utf-8')
+        return str(path)
+
+    return write

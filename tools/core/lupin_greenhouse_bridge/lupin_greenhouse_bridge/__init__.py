@@ -1,1 +1,6 @@
-"""A ROS 2 service that returns simulated climate readings for a greenhouse AprilTag."""
+"""
+A ROS 2 service that returns simulated climate readings for a greenhouse AprilTag.
+
+Imported by others: contract, errors, interfaces, units, runtime, testing, and simulator except for
+simulator.simulation.
+"""

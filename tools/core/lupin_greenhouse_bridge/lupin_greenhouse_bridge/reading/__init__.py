@@ -1,1 +1,1 @@
-"""Ask the bridge for readings: read_tag, read_on_sight."""
+"""Ask the bridge for readings: the client that all nodes share, and read_tag."""

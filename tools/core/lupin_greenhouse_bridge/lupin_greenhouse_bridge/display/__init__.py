@@ -1,1 +1,0 @@
-"""Show readings: show_readings, readings_page. Never asks the bridge."""

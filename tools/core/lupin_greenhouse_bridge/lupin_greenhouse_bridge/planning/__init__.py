@@ -1,1 +1,0 @@
-"""Where the robot stands and how it drives: approach_poses, register_layout."""
