@@ -81,6 +81,28 @@ def test_colcon_test_runs_every_test(tree, tmp_path):
 
 
 @pytest.mark.heavy
+def test_planning_and_readings_build_and_pass_their_tests_in_a_workspace_with_the_mirror(tmp_path):
+    """As in the workspace of another team, which has no lupin_msgs."""
+    added = ('lupin_planning', 'lupin_readings')
+    for package in (MESSAGES['lupin_greenhouse_ros'], BRIDGE):
+        shutil.copytree(ROOT / 'lupin_greenhouse_ros' / package, tmp_path / 'src' / package)
+    for package in added:
+        shutil.copytree(ROOT / 'monorepo' / package, tmp_path / 'src' / package)
+    workspace = f"""source {ROOT}/ci/ros_env.bash without-overlay && cd {tmp_path}
+    source $VIRTUAL_ENV/workspace/ci/stand_ins/install/local_setup.bash"""
+    build = 'python -m colcon build --cmake-args -DBUILD_TESTING=OFF -DWITH_CPP=OFF --no-warn-unused-cli'
+    assert 'Summary: 4 packages finished' in succeed('bash', '-ec', f'{workspace}\n{build}', env=of_a_user())
+    test = f"""source install/local_setup.bash && ! python -c 'import lupin_msgs' 2> /dev/null
+    python -m colcon test --packages-select {' '.join(added)} --return-code-on-test-failure \\
+        --pytest-args " -n" 3"""
+    succeed('bash', '-ec', f'{workspace}\n{test}', env=of_a_user())
+    for package in added:
+        results = (tmp_path / 'build' / package / 'pytest.xml').read_text(encoding='utf-8')
+        assert int(re.search(r' tests="(\d+)"', results)[1]) > 50
+        assert ' skipped="0"' in results
+
+
+@pytest.mark.heavy
 @pytest.mark.parametrize('tree', TREES)
 def test_the_bridge_builds_with_links_without_a_warning(tree, tmp_path):
     printed = colcon(tree, 'build', tmp_path, '--symlink-install', '--paths', f'{tree}/{BRIDGE}')
