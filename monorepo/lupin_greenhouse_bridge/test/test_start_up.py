@@ -155,10 +155,13 @@ def launched(launch, description):
     return run
 
 
-def test_launch_forwards_what_is_set(launched):
-    """Whole numbers, as people type them; they override the parameter file."""
-    given = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7}
-    code, log = launched(**given, params_file=PARAMETER_FILE, namespace='robot1', log_level='debug')
+def test_launch_forwards_only_what_is_set(launched, tmp_path):
+    """Whole numbers, as people type them; they override the parameter file, which sets the others."""
+    file = tmp_path / 'parameters.yaml'
+    parameters = {'debug_time_of_day': 6.0, 'speedup_factor': -1.0}
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
+    given = {'speedup_factor': 3600, 'debug_seed': 7}
+    code, log = launched(**given, params_file=file, namespace='robot1', log_level='debug')
     assert code == 0
     for part in ('clock frozen at 6.0 h', '[robot1.greenhouse_bridge]', '[DEBUG]'):
         assert part in log
@@ -167,9 +170,10 @@ def test_launch_forwards_what_is_set(launched):
 @pytest.mark.parametrize(
     ('argument', 'value', 'fault'),
     [
-        ('params_file', '/missing.yaml', "params_file '/missing.yaml' is not a file: name a YAML file"),
-        ('speedup_factor', 'abc', 'abc cannot be used: must be a number, such as speedup_factor:=0.0'),
-        ('debug_seed', '1.0', '1.0 cannot be used: must be a whole number, such as debug_seed:=-1'),
+        ('params_file', '/missing.yaml', "params_file '/missing.yaml' is not a file"),
+        ('speedup_factor', 'abc', "speedup_factor is 'abc': must be a number"),
+        ('debug_seed', '1.0', "debug_seed is '1.0': must be a whole number"),
+        ('respawn', 'maybe', "respawn is 'maybe': must be true or false"),
     ],
 )
 def test_launch_names_an_argument_that_cannot_be_used(launched, caplog, argument, value, fault):

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The parameters of a node, as fields of a dataclass. Imports ROS late, for launch files and planners."""
+"""The parameters of a node, as fields of a dataclass. Imports ROS late, for planners that run without ROS."""
 
 import re
 from collections.abc import Collection
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 SettingsT = TypeVar('SettingsT')
-OF_ROS_NAMES = '_topic', '_service', '_service_name', '_action_name'  # endings of such parameters
+# A parameter whose name ends like this has the name of a topic, a service or an action as its value.
+ROS_NAME_ENDINGS = '_topic', '_service', '_service_name', '_action_name'
 ROS_NAME = re.compile(r'~|(~?/)?[A-Z_]\w*(/[A-Z_]\w*)*', re.ASCII | re.IGNORECASE)
-OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
-WANTED: dict[Any, str] = {
+TYPE_NAMES: dict[Any, str] = {
     str: 'text (put quotes around a number)',
     bool: 'true or false',
     float: 'a number',
@@ -45,20 +45,20 @@ def parameter(
 
 def check_parameters(settings: Any) -> None:
     """Raise StartUpError for the first parameter with a wrong type or a value outside its limits."""
-    for each in fields(settings):
-        if each.metadata['of_any_type']:
+    for parameter in fields(settings):
+        if parameter.metadata['of_any_type']:
             continue
-        value, wanted = getattr(settings, each.name), WANTED[each.type]
-        (smallest, largest), accepted = each.metadata['limits'], each.metadata['accepted']
+        name, value, wanted = parameter.name, getattr(settings, parameter.name), TYPE_NAMES[parameter.type]
+        (smallest, largest), accepted = parameter.metadata['limits'], parameter.metadata['accepted']
         if smallest is not None and not accepted:
             wanted += f' from {smallest:g} to {largest:g}'
-        if type(value) is not each.type and not (type(value) is int and each.type is float):
-            raise invalid(each.name, value, f'{wanted}, {accepted}' if accepted else wanted)
+        if type(value) is not parameter.type and not (type(value) is int and parameter.type is float):
+            raise invalid(name, value, f'{wanted}, {accepted}' if accepted else wanted)
         if smallest is not None and not smallest <= value <= largest:  # also refuses NaN
-            raise invalid(each.name, value, accepted or wanted)
-        is_left_out = value == '' and each.name.endswith('_topic')
-        if each.name.endswith(OF_ROS_NAMES) and not (is_left_out or ROS_NAME.fullmatch(value)):
-            raise invalid(each.name, value, 'words of letters, digits and _, such as /front/image')
+            raise invalid(name, value, accepted or wanted)
+        is_unused_topic = value == '' and name.endswith('_topic')
+        if name.endswith(ROS_NAME_ENDINGS) and not (is_unused_topic or ROS_NAME.fullmatch(value)):
+            raise invalid(name, value, 'words of letters, digits and _, such as /front/image')
 
 
 def invalid(name: str, value: object, accepted: str) -> StartUpError:
@@ -72,21 +72,29 @@ def declare_parameters(
     """
     Declare every field of a settings dataclass as a read-only parameter; return the settings.
 
-    Logs one line with the parameters that are known to have no effect. Raises the StartUpError of the
-    dataclass.
+    ROS silently ignores a parameter that is set but not declared: this logs a warning for each, and one line
+    for those in `without_effect`. It refuses none, because several nodes may share a parameter file. Raises
+    the StartUpError of the dataclass.
     """
     from rcl_interfaces.msg import ParameterDescriptor
 
+    from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
+
     parameters = fields(cast('Any', settings_type))
     values = {}
-    for each in parameters:
+    for parameter in parameters:
         # The dataclass checks types and ranges. ROS would refuse 3600 for a double.
         unchecked = ParameterDescriptor(dynamic_typing=True)
-        values[each.name] = node.declare_parameter(each.name, each.default, unchecked).value
-    check_names(node, without_effect)
+        values[parameter.name] = node.declare_parameter(parameter.name, parameter.default, unchecked).value
+    undeclared = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
+    if unused := [name for name in without_effect if name in undeclared]:
+        node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
+    for name in undeclared:
+        if name not in without_effect:
+            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
     settings = settings_type(**values)
-    for each in parameters:
-        node.set_descriptor(each.name, _descriptor(each))
+    for parameter in parameters:
+        node.set_descriptor(parameter.name, _descriptor(parameter))
     return settings
 
 
@@ -103,24 +111,6 @@ def _descriptor(parameter: 'Field[Any]') -> 'ParameterDescriptor':
         limits = FloatingPointRange(from_value=float(smallest), to_value=float(largest))
         descriptor.floating_point_range = [limits]
     return descriptor
-
-
-def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
-    """
-    Warn of each parameter that is set but unknown, because ROS ignores it silently.
-
-    No name is refused, because other nodes may share the parameter file. Logs one line for those
-    `without_effect`.
-    """
-    from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
-
-    given = parameter_overrides(node)
-    unknown = [name for name in given if not node.has_parameter(name)]
-    if unused := [name for name in without_effect if name in unknown]:
-        node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
-    for name in unknown:
-        if name not in without_effect:
-            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
 
 
 def default_text(parameter: 'Field[Any]') -> str:

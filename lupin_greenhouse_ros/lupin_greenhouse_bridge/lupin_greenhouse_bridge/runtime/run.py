@@ -30,8 +30,8 @@ from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
-LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
-LONGEST_END_SECONDS = 30.0
+LOOK_EVERY_SECONDS = 5.0  # for another node with the same name
+LONGEST_SHUTDOWN_SECONDS = 30.0
 LARGEST_DOMAIN_ID = 232
 
 
@@ -48,14 +48,14 @@ def run(
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
 
     `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
-    `args` is the command line with the program's name; None stands for sys.argv.
+    `args` is the command line with the program's name; None means sys.argv.
     `is_done(node)` is called after every callback. `conclude(node)` returns the exit code. A OneLineError
-    becomes one FATAL line of the logger `name` and the exit code `refused`.
+    becomes one FATAL line of the logger `name`, and the exit code is `refused`.
     """
     logger = get_logger(name)
     words = sys.argv if args is None else args
     if '--help' in words or '-h' in words:
-        print_line(help_text(sys.modules[create_node.__module__]))
+        print_line(_help_text(sys.modules[create_node.__module__]))
         return 0
     try:
         _refuse_own_arguments(words)
@@ -66,7 +66,7 @@ def run(
                 executor.add_node(node)
                 _spin(executor, node, is_done)
                 return conclude(node)
-            except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
+            except OneLineError as error:  # its traceback keeps the node alive, which must end before ROS
                 logger.fatal(str(error))
     except StartUpError as error:
         logger.fatal(str(error))
@@ -87,10 +87,12 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     """
     Start ROS and yield an executor; at the end, close the executor, its nodes and ROS, in that order.
 
-    Raises StartUpError if ROS cannot start.
+    Raises StartUpError.
     """
     process.install_signal_handlers()
-    _check_domain_id()
+    domain_id = os.environ.get('ROS_DOMAIN_ID', '')
+    if domain_id.isdecimal() and int(domain_id) > LARGEST_DOMAIN_ID:  # Fast DDS would end the process
+        raise StartUpError(f'ROS_DOMAIN_ID is {domain_id}: must be from 0 to {LARGEST_DOMAIN_ID}')
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
@@ -102,7 +104,7 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
         finally:
             nodes = executor.get_nodes()
             executor.shutdown(timeout_sec=0)  # Humble would wait for callbacks that never end
-            _limit_the_end()
+            _limit_shutdown()
             for node in nodes:
                 node.destroy_node()
             gc.collect()  # a node whose constructor raised must be destroyed before ROS shuts down
@@ -113,22 +115,15 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _check_domain_id() -> None:
-    """Raise StartUpError for a domain that Fast DDS does not have, for which it ends the process."""
-    domain_id = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain_id.isdecimal() and int(domain_id) > LARGEST_DOMAIN_ID:
-        raise StartUpError(f'ROS_DOMAIN_ID is {domain_id}: must be from 0 to {LARGEST_DOMAIN_ID}')
-
-
-def _limit_the_end() -> None:
+def _limit_shutdown() -> None:
     """
-    End the process with exit code 1 if it still runs after LONGEST_END_SECONDS.
+    End the process with exit code 1 if it still runs after LONGEST_SHUTDOWN_SECONDS.
 
-    While Fast DDS destroys a participant, it can wait forever for its own callback, which another node that
-    ends has caused. It then holds Python's lock, so no signal is handled.
+    If another node ends at the same time, Fast DDS can deadlock while it destroys a participant. It then
+    holds Python's lock, so no signal is handled.
     """
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    faulthandler.dump_traceback_later(LONGEST_END_SECONDS, exit=True, file=nowhere)
+    no_output = os.open(os.devnull, os.O_WRONLY)
+    faulthandler.dump_traceback_later(LONGEST_SHUTDOWN_SECONDS, exit=True, file=no_output)
 
 
 @contextlib.contextmanager
@@ -143,7 +138,7 @@ def node_creation() -> Iterator[None]:
 
 
 def _spin(executor: Executor, node: Node, is_done: Callable[[Any], bool]) -> None:
-    """Run callbacks until the node is done, or a signal arrives. Warn once of another node of its name."""
+    """Run callbacks until the node is done or a signal arrives. Warn once of a node with the same name."""
     next_look = -math.inf
     with _woken_by_signals(executor):
         while not (process.is_asked_to_end() or is_done(node)):
@@ -158,9 +153,9 @@ def _spin(executor: Executor, node: Node, is_done: Callable[[Any], bool]) -> Non
 @contextlib.contextmanager
 def _woken_by_signals(executor: Executor) -> Iterator[None]:
     """
-    Let every signal wake up an executor, which waits in C code, where Python cannot handle the signal.
+    Let every signal wake up an executor, because Python handles no signal while rclpy waits in C code.
 
-    Short waits in its place would more than double the processor time at idle (make bench).
+    Short waits instead would more than double the processor time at idle (make bench).
     """
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
@@ -182,7 +177,7 @@ def _woken_by_signals(executor: Executor) -> Iterator[None]:
 
 
 def spin_once(executor: Executor, node: Node) -> None:
-    """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
+    """Run one callback, if one comes soon. Humble raises RCLError if it cannot send a reply: log it."""
     try:
         executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)
     except RCLError as error:
@@ -190,7 +185,7 @@ def spin_once(executor: Executor, node: Node) -> None:
         node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)
 
 
-def help_text(module: ModuleType) -> str:
+def _help_text(module: ModuleType) -> str:
     """Return the docstring of a node's module, then a table of the parameters in its `Settings`."""
     rows = []
     for parameter in fields(module.Settings):

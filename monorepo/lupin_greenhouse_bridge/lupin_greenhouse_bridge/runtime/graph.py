@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Look at the ROS graph from a node."""
+"""Find other nodes and their services in the ROS graph."""
 
 import contextlib
 import os
@@ -20,8 +20,8 @@ def namesake_warning(node: Node) -> str:
         return ''
     return (
         f'another node named {node.get_fully_qualified_name()} is on domain {domain_id()}, so others get'
-        ' the replies and messages of both: stop one of them, or give one a namespace or a ROS_DOMAIN_ID of'
-        ' its own'
+        ' the replies and messages of both: stop one of them, or start one with its own namespace or'
+        ' ROS_DOMAIN_ID'
     )
 
 
@@ -52,7 +52,7 @@ def duplicate_server_warning(node: Node, service_name: str) -> str:
     Return a warning if several nodes offer a service; '' otherwise.
 
     Nodes with the same name count as one node: ROS lists a node twice for some seconds after it was killed
-    and started again.
+    and restarted.
     """
     servers = servers_of(node, service_name)
     if len(set(servers)) < 2:

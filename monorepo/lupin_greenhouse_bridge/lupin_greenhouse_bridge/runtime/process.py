@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The signals that end a process, and the ROS domains that belong to no team. Does not import ROS."""
+"""The signals that end a process, and the ROS domains for trials on one machine. Does not import ROS."""
 
 import itertools
 import os
@@ -22,12 +22,12 @@ def install_signal_handlers() -> None:
     anywhere. Either can turn a signal into a traceback.
     """
 
-    def note(_number: int, _frame: FrameType | None) -> None:
+    def record(_number: int, _frame: FrameType | None) -> None:
         global _is_asked_to_end  # noqa: PLW0603 - a signal belongs to the process
         _is_asked_to_end = True
 
     for number in SIGNALS:
-        signal.signal(number, note)
+        signal.signal(number, record)
 
 
 def is_asked_to_end() -> bool:
@@ -36,14 +36,14 @@ def is_asked_to_end() -> bool:
 
 
 def sleep(seconds: float) -> None:
-    """Sleep for this time, or until a signal asks the process to end."""
+    """Sleep for this time, or until Ctrl-C or SIGTERM."""
     end = time.monotonic() + seconds
-    while not _is_asked_to_end and (left := end - time.monotonic()) > 0.0:
-        time.sleep(min(left, LONGEST_WAIT_SECONDS))
+    while not _is_asked_to_end and (left_seconds := end - time.monotonic()) > 0.0:
+        time.sleep(min(left_seconds, LONGEST_WAIT_SECONDS))
 
 
 def private_domains() -> Callable[[], int]:
-    """Return what domain_coordinator.domain_id() tries: the domains that doc/course.md gives to nobody."""
+    """Return the argument of domain_coordinator.domain_id(): the domains that no team has (doc/course.md)."""
     return itertools.cycle(range(71, 102)).__next__
 
 
@@ -51,5 +51,5 @@ def variables_of_private_domain(domain_id: int) -> dict[str, str]:
     """Return the environment variables of a domain whose nodes communicate on this machine only."""
     is_humble = os.environ.get('ROS_DISTRO') == 'humble'
     visible = {'ROS_LOCALHOST_ONLY': '1'} if is_humble else {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    # A discovery server may be off, and nobody else is needed.
+    # A discovery server may be off, and is not needed on one machine.
     return {'ROS_DOMAIN_ID': str(domain_id), 'ROS_DISCOVERY_SERVER': '', **visible}

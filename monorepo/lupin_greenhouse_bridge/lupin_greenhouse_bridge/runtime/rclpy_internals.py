@@ -1,9 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""
-What the packages use of rclpy that is not public, or that is not the same in all four distros.
-
-Every other module uses only names that Humble, Jazzy, Kilted and Lyrical document.
-"""
+"""The names of rclpy that are not public, or not the same in Humble, Jazzy, Kilted and Lyrical."""
 
 from collections.abc import Callable, Collection
 from typing import Any
@@ -53,9 +49,9 @@ def steady_timer(node: Node, seconds: float, callback: Callable[[], None]) -> Ti
 
 def take_message(subscription: 'Subscription[Any]') -> Any:
     """
-    Return the next message that waits in a subscription, without its callback; None if there is none.
+    Return the next message of a subscription without calling its callback; None if there is none.
 
-    In every distro, the public way is to spin, which takes one message for each callback.
+    The only public way is to spin, which takes one message for each callback.
     """
     with subscription.handle:
         taken = subscription.handle.take_message(subscription.msg_type, False)

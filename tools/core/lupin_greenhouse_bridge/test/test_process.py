@@ -29,8 +29,8 @@ STUCK = """
 import ctypes
 from lupin_greenhouse_bridge.runtime import run
 
-run.LONGEST_END_SECONDS = 0.2
-run._limit_the_end()
+run.LONGEST_SHUTDOWN_SECONDS = 0.2
+run._limit_shutdown()
 ctypes.PyDLL(None).sleep(3600)  # with Python's lock, like a Fast DDS that waits for itself
 """
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
@@ -107,9 +107,9 @@ def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
         return shutdown(executor, timeout_sec)
 
     monkeypatch.setattr(SingleThreadedExecutor, 'shutdown', record)
-    monkeypatch.setattr(run, '_limit_the_end', lambda: limits.append('the end'))
+    monkeypatch.setattr(run, '_limit_shutdown', lambda: limits.append('shutdown'))
     assert bridge_here().code == 0
-    assert limits == [0, 'the end']
+    assert limits == [0, 'shutdown']
 
 
 def test_a_sleep_is_a_row_of_naps_that_a_signal_ends(monkeypatch):
@@ -176,4 +176,4 @@ def test_a_node_warns_once_of_another_with_its_full_name(run_here, monkeypatch, 
         ended = run_here(main)
     assert ended.code == 0
     assert ended.err.count('another node named /named is on domain') == warnings
-    assert ended.err.count('stop one of them, or give one a namespace or a ROS_DOMAIN_ID of') == warnings
+    assert ended.err.count('stop one of them, or start one with its own namespace') == warnings

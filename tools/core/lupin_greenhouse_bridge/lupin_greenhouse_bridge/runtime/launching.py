@@ -12,18 +12,16 @@ from launch.utilities.type_utils import coerce_to_type
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from lupin_greenhouse_bridge.runtime.parameters import WANTED, default_text, parameter
+from lupin_greenhouse_bridge.runtime.parameters import TYPE_NAMES, default_text, parameter
 
 
 @dataclass
-class EveryNode:
-    """The arguments that every node takes beside its parameters."""
+class CommonArguments:
+    """The arguments of every node, besides its parameters."""
 
     namespace: str = parameter('', 'Namespace of the node.')
     log_level: str = parameter('info', 'Least severe messages to log: debug, info, warn, error or fatal.')
-    params_file: str = parameter(
-        '', 'YAML file with parameters; an argument that is given here overrides it.'
-    )
+    params_file: str = parameter('', 'YAML file with parameters; a launch argument overrides it.')
     respawn: bool = parameter(False, 'true: start the node again whenever it ends.')
 
 
@@ -34,15 +32,14 @@ class SimTime:
     use_sim_time: bool = parameter(False, 'true: take the time from /clock.')
 
 
-def _check_type(parameter: 'Field[Any]', value: str) -> None:
-    """Raise ValueError, which names the argument, for a value that launch cannot convert."""
+def _value_of(argument: 'Field[Any]', text: str) -> Any:
+    """Return the value of an argument; raises ValueError, which names the argument."""
     try:
-        coerce_to_type(value, parameter.type)
+        return coerce_to_type(text, argument.type)
     except ValueError as error:
-        example = f'such as {parameter.name}:={default_text(parameter)}'
-        raise ValueError(
-            f'{parameter.name}:={value} cannot be used: must be {WANTED[parameter.type]}, {example}'
-        ) from error
+        example = f'{argument.name}:={default_text(argument)}'
+        wanted = f'must be {TYPE_NAMES[argument.type]}, such as {example}'
+        raise ValueError(f'argument {argument.name} is {text!r}: {wanted}') from error
 
 
 def node_with_arguments(
@@ -56,41 +53,39 @@ def node_with_arguments(
     defaults. It also forwards the arguments in `without_effect`, and the node logs that they have no effect.
     """
     parameters = [*fields(settings_type), *(fields(SimTime) if has_sim_time else ())]
-    kinds = {each.name: each.type for each in parameters} | dict.fromkeys(without_effect)
-    given: set[str] = set()
+    arguments = [*parameters, *fields(CommonArguments)]
+    types = {parameter.name: parameter.type for parameter in parameters} | dict.fromkeys(without_effect)
+    set_names: set[str] = set()
 
-    def note_given(context: LaunchContext) -> None:
-        given.update(context.launch_configurations)
+    def record_set_names(context: LaunchContext) -> None:
+        set_names.update(context.launch_configurations)
 
     def start(context: LaunchContext) -> list[Node]:
-        own = {each.name: LaunchConfiguration(each.name).perform(context) for each in fields(EveryNode)}
-        params_file = own['params_file']
+        texts = context.launch_configurations
+        values = {argument.name: _value_of(argument, texts[argument.name]) for argument in arguments}
+        params_file = values['params_file']
         if params_file and not os.path.isfile(params_file):
             raise FileNotFoundError(f"params_file '{params_file}' is not a file: name a YAML file")
-        for each in parameters:
-            _check_type(each, LaunchConfiguration(each.name).perform(context))
         forwarded = {
-            name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-            for name, kind in kinds.items()
-            if name in given
+            name: ParameterValue(LaunchConfiguration(name), value_type=types[name])
+            for name in set_names.intersection(types)
         }
         return [
             Node(
-                namespace=own['namespace'],
-                arguments=['--ros-args', '--log-level', own['log_level']],
-                parameters=[each for each in (params_file, forwarded) if each],
-                respawn=own['respawn'] == 'true',
+                namespace=values['namespace'],
+                arguments=['--ros-args', '--log-level', values['log_level']],
+                parameters=[source for source in (params_file, forwarded) if source],
+                respawn=values['respawn'],
                 **node,
             )
         ]
 
     declarations = [
         DeclareLaunchArgument(
-            each.name,
-            default_value=default_text(each),
-            description=each.metadata['description'],
-            choices=['true', 'false'] if each.name in ('respawn', 'use_sim_time') else None,
+            argument.name,
+            default_value=default_text(argument),
+            description=argument.metadata['description'],
         )
-        for each in (*parameters, *fields(EveryNode))
+        for argument in arguments
     ]
-    return [OpaqueFunction(function=note_given), *declarations, OpaqueFunction(function=start)]
+    return [OpaqueFunction(function=record_set_names), *declarations, OpaqueFunction(function=start)]

@@ -9,8 +9,6 @@ from typing import TextIO
 
 from lupin_greenhouse_bridge.errors import UsageError
 
-# What the first bytes of a page or a picture have that one of these commands has written.
-MARKS = {'.html': b'<title>Readings of', '.png': b'Matplotlib', '.svg': b'Matplotlib'}
 HEAD_BYTES = 4096
 
 
@@ -27,7 +25,7 @@ def aligned_table(rows: Sequence[Sequence[str]], numeric_columns: Collection[int
 
 
 def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None:
-    """Print a text, by default to standard output. A closed pipe ends the program, as `| head` means it."""
+    """Print a text, by default to standard output. A closed pipe (`| head`) ends the program."""
     try:
         print(text, end=end, file=stream, flush=True)
     except BrokenPipeError:
@@ -41,11 +39,9 @@ def check_output_file(
     """
     Raise UsageError if the file of an option cannot be written, before a command works for it.
 
-    `inputs` are the files that the command reads, each after its option: the output replaces none. It
-    replaces no file without `mark` in its head either, which the command writes into each of its own; b''
-    stands for the mark of the path's ending.
+    The output must not replace a file of `inputs`, which are pairs of an option and its file, nor a file
+    without `mark` in its first bytes. The command writes this mark into each of its own files.
     """
-    mark = mark or MARKS.get(path.suffix.lower(), b'')
     where, parent = f"{option} '{path}'", path.parent
     try:
         if path.is_dir():
@@ -54,8 +50,8 @@ def check_output_file(
             raise UsageError(f"{where}: there is no folder '{parent}': name a folder that exists")
         if not os.access(path if path.exists() else parent, os.W_OK):
             raise UsageError(f'{where} is read-only: name another file')
-        for input_option, each in inputs:
-            if each and path.exists() and Path(each).exists() and path.samefile(each):
+        for input_option, input_file in inputs:
+            if input_file and path.exists() and Path(input_file).exists() and path.samefile(input_file):
                 raise UsageError(f'{where} is the file of {input_option} itself: name another file')
         if path.is_file():
             with path.open('rb') as file:
@@ -70,7 +66,7 @@ class ProgressLine:
     """
     The last line of a terminal, where each text replaces the previous one; nothing in a pipe.
 
-    The cursor is left at its beginning, where a line of another process on the terminal replaces it too.
+    The cursor stays at its beginning, so that a line of another process on the terminal replaces it too.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
@@ -92,25 +88,20 @@ class ProgressLine:
 
 
 class Progress(ProgressLine):
-    """Tells on standard error how far work is that takes long; in a pipe, by a new line now and then."""
+    """The progress of a long command on standard error; in a pipe, a new line every 15 s."""
 
-    REPLACED_SECONDS, NEXT_SECONDS = 0.2, 15.0
+    FIRST_SECONDS, REPLACED_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
 
-    def __init__(self, command: str, first_seconds: float = 3.0) -> None:
-        """Take the name of the command, and the time without a line."""
+    def __init__(self, command: str) -> None:
         super().__init__(sys.stderr)
-        self._command, self._due = command, time.monotonic() + first_seconds
+        self._command, self._due = command, time.monotonic() + self.FIRST_SECONDS
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show how much of what is done, if it is time to."""
-        self.say(f'{what}: {done} of {total}')
-
-    def say(self, what: str) -> None:
-        """Show what the command does, if it is time to."""
+        """Show how much is done, unless the last line is too recent."""
         now = time.monotonic()
         if now < self._due:
             return
-        text = f'{self._command}: {what}'
+        text = f'{self._command}: {what}: {done} of {total}'
         if self.is_visible:
             self.show(text)
         else:
