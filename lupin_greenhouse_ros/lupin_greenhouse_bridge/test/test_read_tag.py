@@ -60,6 +60,24 @@ def times_out_when(monkeypatch):
     return install
 
 
+@pytest.fixture
+def watch(monkeypatch):
+    """Return a function that ends --watch after this many rounds without sleeping; it returns the sleeps."""
+
+    def install(rounds, after_round=lambda _number: None):
+        def sleep(seconds):
+            slept.append(seconds)
+            after_round(len(slept))
+            if len(slept) == rounds:
+                signal.raise_signal(signal.SIGTERM)
+
+        slept = []
+        monkeypatch.setattr(process, 'sleep', sleep)
+        return slept
+
+    return install
+
+
 def reply(request, response):
     response.reading = reading_of(request.tag_id, co2=1.5)
     return response
@@ -106,9 +124,9 @@ def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon
     assert bad == {'tag_id': '番茄', 'status': 'UNKNOWN_TAG', **nothing}
 
 
-def test_csv_has_the_columns_of_a_recorded_reading_and_one_header(read, shipped_tags, monkeypatch):
-    monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
-    ended = read('99', *shipped_tags, '--csv', '--watch', '10', '--count', '2')
+def test_csv_has_the_columns_of_a_recorded_reading_and_one_header(read, shipped_tags, watch):
+    watch(rounds=2)
+    ended = read('99', *shipped_tags, '--csv', '--watch', '10')
     assert ended.code == SOME_FAILED
     assert ended.messages.count("read_tag: UNKNOWN_TAG: Tag '99'") == 2
     assert ended.out.count(','.join(CSV_COLUMNS)) == 1
@@ -131,20 +149,20 @@ def test_a_reading_of_the_first_second_of_1970_is_read():
     assert not answer_of('7', GetTagReading.Response(reading=reading_of('7', seconds=-1, co2=1.0))).is_ok
 
 
-TIME_OF_DAY = 'its time of day is not in [0, 86400) s'
+TIME_OF_DAY = 'its time of day is outside [0, 86400) s'
 TWO_VALUES = [SensorReading(name='co2', value=value) for value in (1.5, 2.5)]
 LATE_NANOSECONDS = reading_of('9', co2=1.5)
 LATE_NANOSECONDS.stamp.nanosec = 1_000_000_000
 BAD_READINGS = {
     '1': (reading_of('1', time_of_day=math.inf, co2=1.5), TIME_OF_DAY),
-    '2': (reading_of('2', co2=math.nan), 'it has a value that is not finite'),
-    '3': (TagReading(tag_id='3', readings=TWO_VALUES), 'it has two values of one sensor'),
-    '4': (TagReading(tag_id='4'), 'it names no tag, or has no value'),
+    '2': (reading_of('2', co2=math.nan), 'a value is not finite'),
+    '3': (TagReading(tag_id='3', readings=TWO_VALUES), 'two values have the same sensor name'),
+    '4': (TagReading(tag_id='4'), 'it has no tag id or no values'),
     '5': (reading_of('6', co2=1.5), "it is of tag '6'"),
     '6': (reading_of('6', time_of_day=86400.0, co2=1.5), TIME_OF_DAY),
     '8': (reading_of('8', time_of_day=-1.0, co2=1.5), TIME_OF_DAY),
-    '9': (LATE_NANOSECONDS, 'its stamp is no time after 1970'),
-    '10': (reading_of('10', **{'': 1.5}), 'it has a value without the name of a sensor'),
+    '9': (LATE_NANOSECONDS, 'its stamp is not a time since 1970'),
+    '10': (reading_of('10', **{'': 1.5}), 'a value has no sensor name'),
 }
 
 
@@ -182,8 +200,6 @@ def test_a_closed_pipe_ends_it_without_a_traceback(noon_bridge):
         (['--watch', '1'], 'read_tag: name one or more tag ids, or --all, but not both'),
         (['1', '--watch', 'one'], "argument --watch: 'one': must be a number of seconds above 0, such as 5"),
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
-        (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
-        (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
         (['1', '--ros-args', '--timeout', '1'], "read_tag: ROS cannot start: ['--timeout', '1']"),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
         (['1', '--timeout', 'nan'], "argument --timeout: 'nan': must be a number of seconds above 0"),
@@ -228,16 +244,9 @@ def test_no_bridge_is_one_line_with_the_domain_and_the_service(run_here):
     assert line.startswith(f'read_tag: no bridge on domain {domain} offers /nobody/readings: start one')
 
 
-def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monkeypatch):
+def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, watch, monkeypatch):
     ticks = itertools.count(0.0, 30.0)  # a round takes 30 s
-    slept = []
-
-    def sleep(seconds):
-        slept.append(seconds)
-        if len(slept) == 3:
-            signal.raise_signal(signal.SIGTERM)
-
-    monkeypatch.setattr(process, 'sleep', sleep)
+    slept = watch(rounds=3)
     monkeypatch.setattr(read_tag, 'time', SimpleNamespace(monotonic=lambda: next(ticks)))
     ended = read('6', '99', '--watch', '100')
     assert (ended.code, slept) == (SOME_FAILED, [70.0] * 3)
@@ -247,29 +256,28 @@ def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monk
     assert ended.messages.count('UNKNOWN_TAG') == 3
 
 
-@pytest.mark.parametrize(('count', 'code'), [('3', NO_ANSWER), ('5', ALL_READ)])
-def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monkeypatch, count, code):
-    """Away in the second and the third round; said once, and the exit code is that of the last round."""
-    is_there, rounds = threading.Event(), itertools.count(1)
+@pytest.mark.parametrize(('rounds', 'code'), [(3, NO_ANSWER), (5, ALL_READ)])
+def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, watch, rounds, code):
+    """Away in the second and third round: one message, and the exit code is that of the last round."""
+    is_there = threading.Event()
     is_there.set()
 
     def reply_while_there(request, response):
         is_there.wait(PATIENCE_SECONDS)
         return reply(request, response)
 
-    def sleep(_seconds):
-        number = next(rounds)
+    def leave_and_return(number):
         if number == 1:
             is_there.clear()
         if number == 3:
             is_there.set()
 
-    monkeypatch.setattr(process, 'sleep', sleep)
+    watch(rounds, leave_and_return)
     times_out_when(lambda _node: not is_there.is_set())
     service = '/away/get_tag_reading'
     with empty_domain(), spinning_node('away') as node:
         node.create_service(GetTagReading, service, reply_while_there)
-        ended = run_here(read_tag.main, '1', '--service', service, '--watch', '1', '--count', count)
+        ended = run_here(read_tag.main, '1', '--service', service, '--watch', '1')
         is_there.set()
     assert ended.code == code
     assert ended.messages == f'read_tag: {service} did not answer within 5 s; still watching'

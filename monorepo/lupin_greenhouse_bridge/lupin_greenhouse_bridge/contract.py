@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The names, the statuses and the QoS that the bridge and its clients share, and what a reply means."""
+"""What the bridge and its clients share: names, statuses, QoS, and the meaning of a reply."""
 
 import math
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class Answer(NamedTuple):
     """The reply to a request for a tag. It has a reading if and only if the status is OK."""
 
     tag_id: str
-    status: str  # OK, UNKNOWN_TAG, SIMULATOR_ERROR, or BAD_READING for one that no bridge can have sent
+    status: str  # OK, UNKNOWN_TAG, SIMULATOR_ERROR, or BAD_READING for a reading that no bridge sends
     error_message: str
     reading: TagReading | None
 
@@ -43,7 +43,7 @@ class Answer(NamedTuple):
 
 
 def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
-    """Return what a response to a request for this tag means."""
+    """Return the Answer in a response to a request for this tag."""
     if response.status != GetTagReading.Response.STATUS_OK:
         status = STATUS_NAMES.get(response.status, str(response.status))
         return Answer(tag_id, status, response.error_message, None)
@@ -56,16 +56,19 @@ def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
 
 
 def fault_of_reading(reading: TagReading) -> str:
-    """Return why a bridge cannot have sent this TagReading; '' if it can."""
+    """Return why no bridge can have sent this TagReading; '' if a bridge can."""
     names = [value.name for value in reading.readings]
     values = [value.value for value in reading.readings]
     faults = (
-        (not (reading.tag_id and names), 'it names no tag, or has no value'),
-        (not all(names), 'it has a value without the name of a sensor'),
-        (len(set(names)) < len(names), 'it has two values of one sensor'),
-        (not all(map(math.isfinite, values)), 'it has a value that is not finite'),
-        (reading.stamp.sec < 0 or reading.stamp.nanosec >= 1_000_000_000, 'its stamp is no time after 1970'),
-        (not 0.0 <= reading.sim_time_of_day_seconds < 86400.0, 'its time of day is not in [0, 86400) s'),
+        (not (reading.tag_id and names), 'it has no tag id or no values'),
+        (not all(names), 'a value has no sensor name'),
+        (len(set(names)) < len(names), 'two values have the same sensor name'),
+        (not all(map(math.isfinite, values)), 'a value is not finite'),
+        (
+            reading.stamp.sec < 0 or reading.stamp.nanosec >= 1_000_000_000,
+            'its stamp is not a time since 1970',
+        ),
+        (not 0.0 <= reading.sim_time_of_day_seconds < 86400.0, 'its time of day is outside [0, 86400) s'),
     )
     return next((fault for is_wrong, fault in faults if is_wrong), '')
 
@@ -76,20 +79,22 @@ def parameter_service_of(service_name: str) -> str:
 
 
 class BridgeInfo(NamedTuple):
-    """What a bridge says about itself in its parameters."""
+    """The parameters of a bridge that its clients read."""
 
     tag_ids: list[str]  # in the order of its tag file; [] if the node is not a bridge
-    tag_file: str  # '' for that of mdp-greenhouse
+    tag_file: str  # '' for the one of mdp-greenhouse
 
 
 def info_request() -> GetParameters.Request:
-    """Return the request for the BridgeInfo of a node, to its parameter service."""
+    """Return the request that a node's parameter service answers with its BridgeInfo."""
     return GetParameters.Request(names=[TAG_IDS_PARAMETER, TAG_FILE_PARAMETER])
 
 
 def info_of(response: GetParameters.Response) -> BridgeInfo:
     """Return the BridgeInfo in a response to info_request()."""
-    values = dict(zip(info_request().names, response.values, strict=False))  # no value, if one is unknown
+    values = dict(
+        zip(info_request().names, response.values, strict=False)
+    )  # a node without one of them returns none
     if len(values) < 2:
         return BridgeInfo([], '')
     tag_ids = list(values[TAG_IDS_PARAMETER].string_array_value)

@@ -2,7 +2,6 @@
 """`ros2 run lupin_greenhouse_bridge read_tag`: print readings from a running bridge."""
 
 import argparse
-import itertools
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -27,7 +26,7 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import CsvPrinter, print_json, print_table
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.arguments import SECONDS, Parser, number_type
+from lupin_greenhouse_bridge.runtime.arguments import SECONDS, Parser
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
@@ -39,7 +38,7 @@ def main(args: list[str] | None = None) -> int:
     words = sys.argv if args is None else args
     try:
         with ros(words) as executor:
-            options = _parsed(remove_ros_args(words)[1:])
+            options = _parse(remove_ros_args(words)[1:])
             with node_creation():
                 node = rclpy.create_node('read_tag', start_parameter_services=False)
             executor.add_node(node)
@@ -47,12 +46,12 @@ def main(args: list[str] | None = None) -> int:
     except Interrupted:
         return INTERRUPTED
     except OneLineError as error:
-        _complain(error)
+        _print_error(error)
         return NO_ANSWER if isinstance(error, NoAnswer) else USAGE
 
 
-def _complain(problem: object) -> None:
-    print(f'read_tag: {problem}', file=sys.stderr)
+def _print_error(error: object) -> None:
+    print(f'read_tag: {error}', file=sys.stderr)
 
 
 def _read(client: Client, options: argparse.Namespace) -> int:
@@ -64,20 +63,19 @@ def _read(client: Client, options: argparse.Namespace) -> int:
         show = CsvPrinter(_positions_m(client, service.srv_name))
     if options.watch is None:
         return _read_once(client, service, tag_ids, show)
-    exit_code, started = INTERRUPTED, time.monotonic()
-    for number in itertools.islice(itertools.count(), options.count):
-        if number > 0:
-            process.sleep(started + options.watch - time.monotonic())
+    exit_code = INTERRUPTED
+    while not process.is_asked_to_end():
         started = time.monotonic()
         try:
             client.wait_for(service)
             exit_code = _read_once(client, service, tag_ids, show)
         except NoAnswer as error:
             if exit_code != NO_ANSWER:
-                _complain(f'{error}; still watching')
+                _print_error(f'{error}; still watching')
             exit_code = NO_ANSWER
         except Interrupted:
             break
+        process.sleep(started + options.watch - time.monotonic())
     return exit_code
 
 
@@ -93,7 +91,7 @@ def _read_once(
 
 
 def _bridge_info(client: Client, service_name: str) -> BridgeInfo:
-    """Return what the node that offers a service says about itself; raises NoAnswer."""
+    """Return the BridgeInfo of the node that offers a service; raises NoAnswer."""
     parameters = client.connect(GetParameters, parameter_service_of(service_name))
     return info_of(client.call(parameters, info_request()))
 
@@ -116,7 +114,7 @@ def _positions_m(client: Client, service_name: str) -> dict[str, tuple[float, fl
         return {}
 
 
-def _parsed(words: list[str]) -> argparse.Namespace:
+def _parse(words: list[str]) -> argparse.Namespace:
     """Return the options of the command line; raises UsageError, and SystemExit of argparse."""
     parser = Parser(
         prog='read_tag',
@@ -130,13 +128,11 @@ def _parsed(words: list[str]) -> argparse.Namespace:
         '--watch',
         type=SECONDS,
         metavar='SECONDS',
-        help='read each tag once per round, and start a round every SECONDS',
+        help='read the tags again every SECONDS',
     )
-    rounds = number_type('a whole number above 0, such as 3', int, above=0)
-    parser.add_argument('--count', type=rounds, metavar='N', help='end --watch after N rounds')
     formats = parser.add_mutually_exclusive_group()
     for name, text in (
-        ('--json', 'print one JSON object for each tag, on a line of its own'),
+        ('--json', 'print one JSON object per line, one per tag'),
         ('--csv', 'print one line per value, with the columns of a recorded reading'),
     ):
         formats.add_argument(name, action='store_true', help=text)
@@ -156,6 +152,4 @@ def _parsed(words: list[str]) -> argparse.Namespace:
     options = parser.parse_args(words)
     if bool(options.tag_ids) == options.all:
         raise UsageError('name one or more tag ids, or --all, but not both')
-    if options.count is not None and options.watch is None:
-        raise UsageError('--count needs --watch SECONDS')
     return options
