@@ -35,7 +35,7 @@ class GreenhouseBridgeNode(Node):
     def __init__(self) -> None:
         """Load and validate the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
-        # A dump of a running bridge's parameters, given back, also has the output.
+        # A file from `ros2 param dump` also has the bridge's own output.
         settings = declare_parameters(self, Settings, without_effect=[TAG_IDS_PARAMETER])
         greenhouse = simulation.load(
             settings,
@@ -44,7 +44,7 @@ class GreenhouseBridgeNode(Node):
         )
         for warning in greenhouse.warnings:
             self.get_logger().warning(warning)
-        self._wall_clock = Clock()  # the node's own clock follows /clock with use_sim_time
+        self._wall_clock = Clock()  # with use_sim_time, the node's own clock follows /clock
         self._sim = greenhouse.sim
         self._tag_set = frozenset(greenhouse.tag_ids)
         descriptor = ParameterDescriptor(

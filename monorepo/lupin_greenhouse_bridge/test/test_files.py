@@ -129,8 +129,8 @@ GOOD_CONFIGS = [
     {'time/debug_mode': True, 'time/debug_time_of_day': 24, 'time/speedup_factor': MISSING},
     {'time/debug_time_of_day': MISSING, 'time/debug_seed': MISSING},
     {'time/colour': 'red', 'visualization': MISSING, 'notes': ['any']},
-    {f'sensors/{each}/0/decay_distance': 1e-12 for each in SENSORS},
-    {f'sensors/{each}/0/value_at_noon': 1e12 for each in SENSORS},
+    {f'sensors/{name}/0/decay_distance': 1e-12 for name in SENSORS},
+    {f'sensors/{name}/0/value_at_noon': 1e12 for name in SENSORS},
     {'sensors/co2': [{}, {'decay_type': 'cubic'}, {'decay_type': 7}] + 9 * [{'noise_sigma': 0}]},
 ]
 
@@ -216,7 +216,7 @@ def test_keys_that_nothing_reads_are_named_in_one_warning_for_each_file(write):
         assert place in warning
     tags = write('tag_file', {'benches': {}, 'tags/7/colour': 'red', 'units': 'm'})
     (warning,) = load('tag_file', tags).warnings
-    assert warning == f"tag_file '{tags}': nothing reads the keys tags.7.colour and benches"
+    assert warning == f"tag_file '{tags}': unknown and ignored: keys tags.7.colour and benches"
 
 
 DEFAULTS = {key: value['default'] for key, value in SCHEMA['definitions']['component']['properties'].items()}

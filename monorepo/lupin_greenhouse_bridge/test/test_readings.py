@@ -33,7 +33,7 @@ def test_a_reading_is_never_torn_and_has_the_stamp_of_the_wall_clock(ask_here, m
         before = time.time_ns()
         reading = ask(tag_id).reading
         assert before <= reading.stamp.sec * 10**9 + reading.stamp.nanosec <= time.time_ns()
-        (value,) = [each.value for each in reading.readings if each.name == 'temperature']
+        (value,) = [value.value for value in reading.readings if value.name == 'temperature']
         frozen = loaded(debug_time_of_day=reading.sim_time_of_day_seconds / 3600)
         assert value == pytest.approx(simulation.read(frozen, tag_id)[1]['temperature'])  # without noise
         times.add(reading.sim_time_of_day_seconds)
@@ -86,7 +86,7 @@ NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
 )
 def test_the_clock_counts_from_the_start_or_is_frozen(monkeypatch, parameters, wall_times, expected):
     """A start is at midnight, and the clock of the shipped config wraps after 48 s."""
-    nows = [datetime.datetime.strptime(each, '%H:%M:%S') for each in ('00:00:00', *wall_times)]
+    nows = [datetime.datetime.strptime(text, '%H:%M:%S') for text in ('00:00:00', *wall_times)]
     clock = SimpleNamespace(now=lambda: nows[0])  # in place of `datetime` in the simulator
     monkeypatch.setattr(simulator, 'datetime', clock)
     sim, times = loaded(**parameters), []
@@ -98,7 +98,7 @@ def test_the_clock_counts_from_the_start_or_is_frozen(monkeypatch, parameters, w
 
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(ask_here):
     ask = ask_here(debug_seed=7, debug_time_of_day=12.0)
-    served = [{each.name: each.value for each in ask(tag_id).reading.readings} for tag_id in NOISY_TAGS]
+    served = [{value.name: value.value for value in ask(tag_id).reading.readings} for tag_id in NOISY_TAGS]
     sim = simulator.GreenhouseSimulator()
     sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=12.0)
     random.seed(7)

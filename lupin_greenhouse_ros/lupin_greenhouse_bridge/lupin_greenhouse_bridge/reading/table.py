@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Print the answers of a bridge as a table, as CSV or as JSON. Imports ROS only for the answers."""
+"""Print the answers of a bridge as a table, CSV or JSON. Imports ROS only for the answers."""
 
 import csv
 import datetime
@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.units import sensor_order, unit_of, value_text
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
-# Those of a recorded reading.
+# The columns of a recorded reading.
 CSV_COLUMNS = (
     *('stamp_ns', 'stamp_utc', 'tag_id', 'sensor', 'value', 'unit', 'x_m', 'y_m'),
     *('sim_time_of_day_seconds', 'source'),
@@ -34,7 +34,7 @@ def print_table(answers: Sequence[Answer]) -> None:
 
 
 class CsvPrinter:
-    """Prints a line for each value, under one header."""
+    """Prints one line per value, and the header once."""
 
     def __init__(self, positions_m: Mapping[str, tuple[float, float]]) -> None:
         """Take x and y of the tags in metres, by id."""
@@ -73,7 +73,7 @@ class CsvPrinter:
 
 
 def print_json(answers: Sequence[Answer]) -> None:
-    """Print an object for each answer on a line of its own; the fields of a missing reading are null."""
+    """Print one JSON object per answer and line; the fields of a missing reading are null."""
     _print_lines(map(_json_line, answers))
 
 

@@ -15,22 +15,16 @@ from jsonschema.exceptions import best_match
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, reason_of
 
 SCHEMAS = Path(__file__).resolve().parents[1] / 'schema'
+TYPE_CHECKER = jsonschema.Draft7Validator.TYPE_CHECKER
 
 
-def _is_number(_checker: Any, value: Any) -> bool:
-    """Return whether a value is a finite number. JSON Schema takes NaN for a number."""
-    return _is_integer(_checker, value) or (isinstance(value, float) and math.isfinite(value))
-
-
-def _is_integer(_checker: Any, value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+def _is_finite_number(_checker: Any, value: Any) -> bool:
+    """Return whether a value is a finite number. JSON Schema accepts NaN as a number."""
+    return TYPE_CHECKER.is_type(value, 'number') and (isinstance(value, int) or math.isfinite(value))
 
 
 _Validator = jsonschema.validators.extend(
-    jsonschema.Draft7Validator,
-    type_checker=jsonschema.Draft7Validator.TYPE_CHECKER.redefine_many(
-        {'number': _is_number, 'integer': _is_integer}
-    ),
+    jsonschema.Draft7Validator, type_checker=TYPE_CHECKER.redefine('number', _is_finite_number)
 )
 
 
@@ -52,21 +46,21 @@ def validate(document: Any, schema: Mapping[str, Any], where: str) -> None:
 
 
 def unread_keys(value: Any, schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the places of the keys in a valid document that its schema does not name, which nothing reads."""
+    """Yield the places of the keys in a valid document that its schema does not name: nothing reads them."""
     if '$ref' in schema:
         schema = definitions[schema['$ref'].rpartition('/')[2]]
     if isinstance(value, list):
         for index, item in enumerate(value):
-            yield from (f'{index}.{key}' for key in unread_keys(item, schema.get('items', {}), definitions))
+            unread = unread_keys(item, schema.get('items', {}), definitions)
+            yield from (f'{index}.{place}' for place in unread)
     elif isinstance(value, dict) and ('properties' in schema or 'additionalProperties' in schema):
         for key, item in value.items():
             inner = schema.get('properties', {}).get(key, schema.get('additionalProperties'))
             if inner is None:
                 yield escaped(str(key), 60)
             elif inner is not True:
-                yield from (
-                    f'{escaped(str(key), 60)}.{each}' for each in unread_keys(item, inner, definitions)
-                )
+                unread = unread_keys(item, inner, definitions)
+                yield from (f'{escaped(str(key), 60)}.{place}' for place in unread)
 
 
 def read_text(path: str | Path, where: str) -> str:

@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_ask
 
 
 class NoAnswer(OneLineError):
-    """The service is not available, or does not reply before the timeout."""
+    """The service is not available, or it does not reply before the timeout."""
 
 
 class Client:

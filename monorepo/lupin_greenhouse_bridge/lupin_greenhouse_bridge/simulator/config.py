@@ -17,7 +17,7 @@ class Config(NamedTuple):
     """A validated config."""
 
     data: dict[str, Any]
-    where: str  # its place in error messages
+    where: str  # how error messages begin
     unread_keys: tuple[str, ...]  # the places of the keys that nothing reads
 
     @property
@@ -27,16 +27,16 @@ class Config(NamedTuple):
 
 
 def find_config(sim_config_file: str = '') -> Config | None:
-    """Return this config, or the shipped one for ''; None without it. Raises StartUpError."""
+    """Return this config, or the shipped one for ''; None if that is not there. Raises StartUpError."""
     path = sim_config_file or shipped_file('greenhouse_config.yaml')
     return read_config(path) if path else None
 
 
 def read_config(path: str | Path, settings: Settings | None = None) -> Config:
     """
-    Return a greenhouse config that the simulator can serve at every hour of the day.
+    Return a greenhouse config with which the simulator works at every hour of the day.
 
-    With `settings`, section `time` must also have what a bridge with these settings needs.
+    With `settings`, section `time` must also have the keys that a bridge with these settings needs.
     Raises StartUpError.
     """
     where = f"sim_config_file '{path}'"

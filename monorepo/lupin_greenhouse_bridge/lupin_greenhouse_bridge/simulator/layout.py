@@ -34,15 +34,16 @@ def shipped_file(name: str) -> Path | None:
     """Return the path of a file that mdp-greenhouse ships; None if it is not installed."""
     spec = importlib.util.find_spec('greenhouse_sim')  # not imported
     folders = (spec.submodule_search_locations if spec else None) or []
-    return next((path for each in folders if (path := Path(each, 'configs', name)).is_file()), None)
+    paths = (Path(folder, 'configs', name) for folder in folders)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def read_layout(path: str | Path) -> Layout:
     """
-    Return the layout of a tag file, which has one of the two formats that the simulator reads.
+    Return the layout of a tag file in one of the two formats that the simulator reads.
 
     Only the nested format has tables. Raises StartUpError if the file is malformed, or if no tag has a
-    sensor. Does not check that the sensors exist.
+    sensor. Does not check that the config has the sensors.
     """
     where = f"tag_file '{path}'"
     data = read_json(path, where)
@@ -71,7 +72,7 @@ def find_layout(tag_file: str) -> Layout | None:
 
 
 def require_layout(tag_file: str, setting: str = '--tag-file') -> Layout:
-    """Return what find_layout() finds; raises StartUpError, which names this setting, if that is None."""
+    """Return the layout that find_layout() finds; if there is none, raises StartUpError with this setting."""
     if layout := find_layout(tag_file):
         return layout
     raise StartUpError(f"mdp-greenhouse is not installed here: name the bridge's tag file with {setting}")
@@ -84,9 +85,9 @@ def find_places(tag_file: str) -> dict[str, tuple[float, float]]:
 
 
 def natural_order(tag_id: str) -> tuple[list[tuple[bool, int, str]], str]:
-    """Return a sort key for tag ids, such that tag_2 comes before tag_10, and numbers come before words."""
+    """Return a sort key for tag ids: tag_2 comes before tag_10, and numbers come before words."""
     parts = []
     for digits, text in re.findall('([0-9]+)|([^0-9]+)', tag_id):
-        shortened = digits.lstrip('0')  # compared as text of a length: an id may have thousands of digits
+        shortened = digits.lstrip('0')  # compared as text, because int() refuses thousands of digits
         parts.append((bool(text), len(shortened), shortened or text))
     return parts, tag_id

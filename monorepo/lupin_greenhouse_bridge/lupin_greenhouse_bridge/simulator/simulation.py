@@ -40,7 +40,7 @@ def load(
     Return a simulator that can be read at every tag of `tag_ids` at any hour.
 
     `tag_file` and `sim_config_file` are passed on to the simulator; None selects its shipped files.
-    Raises StartUpError if the simulator or a file is missing, invalid, or cannot be served at every tag.
+    Raises StartUpError if the simulator or a file is missing or invalid, or if a tag cannot be read.
     """
     version = require_simulator()
     from greenhouse_sim.simulator import GreenhouseSimulator
@@ -64,8 +64,7 @@ def load(
         ) from error
     if set(sim.tags()) != {*layout.tags, *layout.tags_without_sensors}:
         raise StartUpError(
-            f"tag_file '{tag_path}': the simulator reads it with another text encoding than UTF-8:"
-            ' set PYTHONUTF8=1'
+            f"tag_file '{tag_path}': mdp-greenhouse does not read it as UTF-8: set PYTHONUTF8=1"
         )
     _apply_overrides(sim.sim_config['time'], settings)
     _prove_readable(sim, layout)
@@ -82,9 +81,9 @@ def _require_shipped_file(name: str) -> Path:
 
 def require_simulator() -> str:
     """
-    Return the installed version of mdp-greenhouse, which `greenhouse_sim.simulator.__version__` is not.
+    Return the installed version of mdp-greenhouse (`greenhouse_sim.simulator.__version__` is wrong).
 
-    Raises StartUpError if it is missing, or cannot be imported, or before 1.0.7: the clock was wrong.
+    Raises StartUpError if it is missing, cannot be imported, or is older than 1.0.7, whose clock was wrong.
     """
     try:
         version = importlib.metadata.version('mdp-greenhouse')
@@ -129,7 +128,7 @@ def read(sim: Any, tag_id: str) -> tuple[float, dict[str, float]]:
 
 
 def _finite(value: Any, name: str) -> float:
-    # The simulator has floats, and an int for its clock; the look at an abstract class takes longer.
+    # The simulator returns floats, and an int for its clock. To check for an abstract class takes longer.
     is_number = isinstance(value, (float, int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
         raise ValueError(f'{value!r} for {name}, not a finite number')
@@ -163,15 +162,12 @@ def _prove_readable(sim: Any, layout: Layout) -> None:
 
 def _warnings(sim: Any, layout: Layout, config: Config, settings: Settings) -> list[str]:
     warnings = []
-    for where, keys in (
-        (f"tag_file '{layout.path}'", layout.unread_keys),
-        (config.where, config.unread_keys),
-    ):
+    tag_file = f"tag_file '{layout.path}'"
+    for where, keys in ((tag_file, layout.unread_keys), (config.where, config.unread_keys)):
         if keys:
-            warnings.append(f'{where}: nothing reads the {names_text("key", keys, 5)}')
+            warnings.append(f'{where}: unknown and ignored: {names_text("key", keys, 5)}')
     if without_sensors := layout.tags_without_sensors:
-        names = names_text('tag', without_sensors, 5)
-        warnings.append(f'treated as unknown, because without sensors: {names}')
+        warnings.append(f'not served (no sensors): {names_text("tag", without_sensors, 5)}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
         warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings

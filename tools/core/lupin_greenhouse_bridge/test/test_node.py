@@ -40,15 +40,19 @@ def test_every_parameter_is_described_and_read_only_and_a_number_has_its_range(r
 
     assert info_of(ask(GetParameters, 'get_parameters', info_request())).tag_ids == list(shipped_tags)
     parameters = dataclasses.fields(Settings)
-    names = [*(each.name for each in parameters), 'loaded_tag_ids']
+    names = [*(parameter.name for parameter in parameters), 'loaded_tag_ids']
     response = ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names))
-    assert [each.name for each in response.descriptors if each.read_only and each.description] == names
+    described = [
+        descriptor for descriptor in response.descriptors if descriptor.read_only and descriptor.description
+    ]
+    assert [descriptor.name for descriptor in described] == names
     ranges = {
         descriptor.name: (limits.from_value, limits.to_value)
         for descriptor in response.descriptors
         for limits in (*descriptor.floating_point_range, *descriptor.integer_range)
     }
-    assert ranges == {each.name: each.metadata['limits'] for each in parameters if each.type in (int, float)}
+    numbers = [parameter for parameter in parameters if parameter.type in (int, float)]
+    assert ranges == {parameter.name: parameter.metadata['limits'] for parameter in numbers}
 
     value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=6.0)
     request = SetParameters.Request(parameters=[Parameter(name='debug_time_of_day', value=value)])
@@ -70,7 +74,7 @@ def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_ta
 def test_one_handler_runs_at_a_time_in_any_executor_and_many_requests_can_wait(run_nodes):
     """The simulator is not thread-safe. Other callbacks need not wait for it."""
     bridge, _ = run_nodes(bridge_node.GreenhouseBridgeNode)
-    (service,) = [each for each in bridge.services if each.srv_type is GetTagReading]
+    (service,) = [service for service in bridge.services if service.srv_type is GetTagReading]
     assert service.qos_profile == SERVICE_QOS
     assert isinstance(service.callback_group, MutuallyExclusiveCallbackGroup)
     assert service.callback_group is not bridge.default_callback_group
@@ -142,7 +146,7 @@ def test_an_error_of_rcl_in_a_callback_is_a_warning_and_the_bridge_goes_on(bridg
 
 def allowed(node):
     """Return what a node's profile of the policy allows, as what_has() returns what a node has."""
-    (profile,) = [each for each in POLICY.iter('profile') if each.get('node') == node]
+    (profile,) = [profile for profile in POLICY.iter('profile') if profile.get('node') == node]
     return {
         right: {name.text for group in profile if group.get(right) == 'ALLOW' for name in group}
         for right in RIGHTS
@@ -168,13 +172,13 @@ def test_the_policy_has_the_form_of_sros2_0_2_0():
     with_comments = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     enclaves = ElementTree.parse(POLICY_FILE, with_comments).getroot().find('enclaves')
     # sros2 takes every child for an enclave, a comment too.
-    assert [each.get('path') for each in enclaves] == ['/greenhouse_bridge', '/read_tag']
+    assert [enclave.get('path') for enclave in enclaves] == ['/greenhouse_bridge', '/read_tag']
     for profile in POLICY.iter('profile'):
         assert profile.attrib.keys() == {'ns', 'node'}
         for group in profile:
             rights = {'topics': {'publish', 'subscribe'}, 'services': {'request', 'reply'}}[group.tag]
             assert group.attrib.items() <= {(right, 'ALLOW') for right in rights}
-            assert {each.tag for each in group} == {group.tag.removesuffix('s')}
+            assert {name.tag for name in group} == {group.tag.removesuffix('s')}
 
 
 def test_the_bridge_offers_one_service_and_may_do_nothing_more(noon_bridge):
