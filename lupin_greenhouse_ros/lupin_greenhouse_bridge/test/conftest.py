@@ -25,7 +25,7 @@ pytest.register_assert_rewrite('lupin_greenhouse_bridge.testing')
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import read_tag
-from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.layout import shipped_file
 from lupin_greenhouse_bridge.testing.commands import SPINS
 from lupin_greenhouse_bridge.testing.helpers import PATIENCE_SECONDS, call
 
@@ -61,7 +61,7 @@ def warm_tag_id(shipped_tags):
 
 @pytest.fixture(scope='session')
 def shipped_config():
-    return yaml.safe_load(simulation.shipped_file('greenhouse_config.yaml').read_text(encoding='utf-8'))
+    return yaml.safe_load(shipped_file('greenhouse_config.yaml').read_text(encoding='utf-8'))
 
 
 def ended_process(command):

@@ -132,7 +132,7 @@ def test_faults_are_reported_logged_now_and_then_and_survived(ask_here, monkeypa
 
 
 def test_an_error_of_rcl_in_a_callback_is_a_warning_and_the_bridge_goes_on(bridge_here, monkeypatch):
-    """As of a reply to a client that has gone, in Humble's rclpy."""
+    """Humble's rclpy raises it for a reply to a client that has gone."""
     spin_once, errors = SingleThreadedExecutor.spin_once, [RCLError('failed to send response')]
 
     def fail_once(executor, **options):

@@ -211,7 +211,7 @@ def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
 
 
 def test_a_dump_of_the_parameters_of_a_running_bridge_can_be_given_back(bridge_here, tmp_path):
-    """As `ros2 param dump` writes it."""
+    """`ros2 param dump` writes such a file."""
     with running(bridge_node.GreenhouseBridgeNode, debug_time_of_day=6.0) as (bridge,):
         parameters = {name: each.value for name, each in bridge.get_parameters_by_prefix('').items()}
     assert parameters['loaded_tag_ids']
@@ -234,7 +234,6 @@ TOO_OLD = r"is installed, 1\.0\.7 or newer is needed: pip install --upgrade 'mdp
         ('importlib.metadata.version', 'not a version', f'^mdp-greenhouse not a version {TOO_OLD}'),
         ('importlib.metadata.version', PackageNotFoundError(), 'is not installed: pip install --upgrade'),
         ('importlib.import_module', ImportError('no yaml'), r'be imported \(no yaml\): sudo apt install'),
-        (f'{simulation.__name__}.shipped_file', None, r'lacks its file tag_locations\.json: pip install'),
         # The simulator opens the file with the encoding of the locale.
         (f'{SIMULATOR}.tags', ['Ã©'], r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"),
         (f'{SIMULATOR}.get_sensor_data', {}, r"tag '\d+' is loaded but cannot be read: .* KeyError"),

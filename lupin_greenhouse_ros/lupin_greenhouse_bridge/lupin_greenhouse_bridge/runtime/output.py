@@ -3,7 +3,6 @@
 
 import os
 import sys
-import time
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
@@ -89,22 +88,12 @@ class ProgressLine:
 
 
 class Progress(ProgressLine):
-    """The progress of a long command on standard error; in a pipe, a new line every 15 s."""
-
-    FIRST_SECONDS, REPLACED_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
+    """The progress of a command, as the last line of standard error."""
 
     def __init__(self, command: str) -> None:
         super().__init__(sys.stderr)
-        self._command, self._due = command, time.monotonic() + self.FIRST_SECONDS
+        self._command = command
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show how much is done, unless the last line is too recent."""
-        now = time.monotonic()
-        if now < self._due:
-            return
-        text = f'{self._command}: {what}: {done} of {total}'
-        if self.is_visible:
-            self.show(text)
-        else:
-            print_line(text, sys.stderr)
-        self._due = now + (self.REPLACED_SECONDS if self.is_visible else self.NEXT_SECONDS)
+        """Show how much is done."""
+        self.show(f'{self._command}: {what}: {done} of {total}')

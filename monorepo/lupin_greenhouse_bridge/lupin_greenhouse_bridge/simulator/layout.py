@@ -33,9 +33,7 @@ class Layout(NamedTuple):
 def shipped_file(name: str) -> Path | None:
     """Return the path of a file that mdp-greenhouse ships; None if it is not installed."""
     spec = importlib.util.find_spec('greenhouse_sim')  # not imported
-    folders = (spec.submodule_search_locations if spec else None) or []
-    paths = (Path(folder, 'configs', name) for folder in folders)
-    return next((path for path in paths if path.is_file()), None)
+    return Path(spec.origin).parent / 'configs' / name if spec and spec.origin else None
 
 
 def read_layout(path: str | Path) -> Layout:

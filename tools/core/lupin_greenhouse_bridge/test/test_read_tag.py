@@ -143,7 +143,7 @@ def test_csv_has_the_columns_of_a_recorded_reading_and_one_header(read, shipped_
 
 
 def test_a_reading_of_the_first_second_of_1970_is_read():
-    """As by a clock that is not set."""
+    """A machine whose clock is not set sends such a stamp."""
     assert answer_of('7', GetTagReading.Response(reading=reading_of('7', seconds=0, co2=1.0))).is_ok
     assert not answer_of('7', GetTagReading.Response(reading=reading_of('7', seconds=-1, co2=1.0))).is_ok
 

@@ -13,7 +13,7 @@ from packaging.version import InvalidVersion, Version
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, names_text, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
 from lupin_greenhouse_bridge.simulator.config import Config, check_sensors, read_config
-from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout
 
 OLDEST_SIMULATOR = '1.0.7'
 INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
@@ -42,15 +42,16 @@ def load(
     Raises StartUpError if the simulator or a file is missing or invalid, or if a tag cannot be read.
     """
     version = require_simulator()
-    from greenhouse_sim.simulator import GreenhouseSimulator
+    from greenhouse_sim import simulator
 
-    tag_path = tag_file or _require_shipped_file('tag_locations.json')
+    shipped_files = Path(simulator.__file__).parent / 'configs'
+    tag_path = tag_file or shipped_files / 'tag_locations.json'
     layout = read_layout(tag_path)
-    config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
+    config_path = sim_config_file or shipped_files / 'greenhouse_config.yaml'
     config = read_config(config_path, settings)
     check_sensors(layout, config)
     try:
-        sim = GreenhouseSimulator(tag_file, sim_config_file)
+        sim = simulator.GreenhouseSimulator(tag_file, sim_config_file)
     except Exception as error:
         if isinstance(error, AttributeError) and isinstance(tag_file, str):
             raise StartUpError(
@@ -70,12 +71,6 @@ def load(
     summary = f'{_summary(sim, layout)}; mdp-greenhouse {version}'
     warnings = _warnings(sim, layout, config, settings)
     return LoadedGreenhouse(sim, list(layout.tags), warnings, summary)
-
-
-def _require_shipped_file(name: str) -> Path:
-    if path := shipped_file(name):
-        return path
-    raise StartUpError(f'mdp-greenhouse lacks its file {name}: pip install --force-reinstall mdp-greenhouse')
 
 
 def require_simulator() -> str:
