@@ -40,22 +40,24 @@ class LayoutSettings:
 
 @dataclass(frozen=True)
 class Settings(LayoutSettings):
-    """
-    The validated parameters of the fake navigator; raises StartUpError for an invalid value.
-
-    doc/commands.md describes each parameter in detail.
-    """
+    """The validated parameters of the fake navigator; raises StartUpError for an invalid value."""
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
-    arrival_error_m: float = parameter(0.0, 'Metres by which it may miss a goal.', smallest=0.0, largest=1.0)
+    arrival_error_m: float = parameter(
+        0.0, 'How far from its goal the robot stops, at most, in metres.', smallest=0.0, largest=1.0
+    )
     arrival_error_rad: float = parameter(
-        0.0, 'Radians by which it may miss one.', smallest=0.0, largest=math.pi
+        0.0, 'How far the robot is turned from its goal, at most, in radians.', smallest=0.0, largest=math.pi
     )
     speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
-    speedup: float = parameter(1.0, 'Simulated seconds per second.', smallest=0.001, largest=1000.0)
-    start_pose: str = parameter('0.5 0.5 0.0', 'x, y and yaw where the robot starts.', of_any_type=True)
-    blocked: str = parameter('', 'x0 y0 x1 y1 of obstacles that the mission does not know.', of_any_type=True)
+    speedup: float = parameter(1.0, 'Driving seconds per real second.', smallest=0.001, largest=1000.0)
+    start_pose: str = parameter(
+        '0.5 0.5 0.0', 'Where the robot starts: x and y in metres, yaw in radians.', of_any_type=True
+    )
+    blocked: str = parameter(
+        '', 'Obstacles that the mission does not know: x0 y0 x1 y1 in metres.', of_any_type=True
+    )
     route_file: str = parameter('', 'A CSV file to write, with x and y of the driven path in metres.')
 
     def __post_init__(self) -> None:
