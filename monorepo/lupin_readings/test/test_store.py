@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.reading.table import CSV_COLUMNS
 from lupin_readings.reading_file import read_file
 from lupin_readings.report_line import Observation, Outcome, Reading
 from lupin_readings.rows import Row, utc_of
@@ -50,6 +51,10 @@ def test_what_was_kept_is_read_again_with_the_positions_of_the_layout(
     place_m = shipped_tags['7']['x'], shipped_tags['7']['y']
     assert sorted(read_file(name).rows, key=str) == sorted([*kept, row(4, place_m=place_m)], key=str)
     assert list(tmp_path.iterdir()) == [tmp_path / name]
+
+
+def test_read_tag_prints_the_columns_of_the_file():
+    assert CSV_COLUMNS == Row._fields
 
 
 def test_recorders_share_a_database_that_keeps_a_repeated_row_once_and_one_with_another_value_too(database):
