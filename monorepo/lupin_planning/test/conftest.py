@@ -10,6 +10,8 @@ import hypothesis
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
 # No test may depend on the speed of the machine.
 hypothesis.settings.register_profile(
-    'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+    'unhurried',
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow, hypothesis.HealthCheck.filter_too_much],
 )
 hypothesis.settings.load_profile('unhurried')

@@ -54,7 +54,7 @@ def test_what_was_kept_is_read_again_with_the_positions_of_the_layout(
 
 
 def test_read_tag_prints_the_columns_of_the_file():
-    assert CSV_COLUMNS == Row._fields
+    assert Row._fields == CSV_COLUMNS
 
 
 def test_recorders_share_a_database_that_keeps_a_repeated_row_once_and_one_with_another_value_too(database):
