@@ -12,7 +12,7 @@ HOURS = 'between 0 and 24 hours, such as 12.5 for 12:30, or -1.0 for the time of
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameters of one run; raises StartUpError. A default keeps the value of the config."""
+    """The parameters of one run; raises StartUpError. A default changes nothing."""
 
     tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the one of mdp-greenhouse.')
     sim_config_file: str = parameter(

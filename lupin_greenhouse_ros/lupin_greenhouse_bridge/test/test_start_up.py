@@ -18,9 +18,9 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.testing.helpers import check_settings, running
 
-SHARE = get_package_share_path('lupin_greenhouse_bridge')
-PARAMETER_FILE = SHARE / 'config/greenhouse_bridge.yaml'
-LAUNCH_FILE = SHARE / 'launch/greenhouse_bridge.launch.py'
+PACKAGE = Path(__file__).resolve().parent.parent
+PARAMETER_FILE = PACKAGE / 'config/greenhouse_bridge.yaml'
+LAUNCH_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'launch/greenhouse_bridge.launch.py'
 
 
 @pytest.mark.parametrize(

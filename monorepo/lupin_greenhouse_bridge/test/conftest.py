@@ -37,11 +37,15 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile('unhurried')
 # The mirror serves a custom tag file only with custom_tag_file.patch.
 TAKES_TAG_FILES = isinstance(bridge_node._config_path('x'), Path)
+HAS_LAUNCH = bool(importlib.util.find_spec('launch_ros'))
+
+
+def pytest_report_header():
+    return None if HAS_LAUNCH else 'launch_ros is not installed: the tests of the launch file are left out'
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out the tests of launch files where launch is missing. No test is ever skipped."""
-    if not importlib.util.find_spec('launch_ros'):
+    if not HAS_LAUNCH:
         items[:] = [item for item in items if 'launch' not in item.fixturenames]
 
 

@@ -426,7 +426,9 @@ class MissionNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the mission; exit code 0: all tags read, 1: some not, 2: start-up error, 4: output not written."""
-    return run(NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED)
+    return run(
+        NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refusal_code=REFUSED
+    )
 
 
 def _conclude(node: MissionNode) -> int:

@@ -55,7 +55,7 @@ def node_with_arguments(
     """
     parameters = [*fields(settings_type), *(fields(SimTime) if has_sim_time else ())]
     arguments = [*parameters, *fields(CommonArguments)]
-    types = {parameter.name: parameter.type for parameter in parameters} | dict.fromkeys(without_effect)
+    types = {spec.name: spec.type for spec in parameters} | dict.fromkeys(without_effect)
     set_names: set[str] = set()
 
     def record_set_names(context: LaunchContext) -> None:
@@ -89,4 +89,5 @@ def node_with_arguments(
         )
         for argument in arguments
     ]
+    # Before the declarations, only the arguments that the user has set have values.
     return [OpaqueFunction(function=record_set_names), *declarations, OpaqueFunction(function=start)]

@@ -58,7 +58,9 @@ def running(
 ) -> Iterator[list[Any]]:
     """Create nodes with these ROS arguments and parameters, and yield them, spun by one thread."""
     # ROS reads values as YAML, in which an unquoted 7 is no text.
-    values = {name: json.dumps(each) if isinstance(each, str) else each for name, each in parameters.items()}
+    values = {
+        name: json.dumps(value) if isinstance(value, str) else value for name, value in parameters.items()
+    }
     ros_arguments = ['--ros-args', *arguments, *overrides(values)]
     rclpy.init(args=ros_arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor(context=context)
@@ -153,16 +155,16 @@ def check_settings(settings_type: type) -> None:
     settings_type()
     wrong_types: dict[Any, tuple[Any, ...]]
     wrong_types = {str: (5, True), bool: (1, 'true'), int: (1.5, True, '1'), float: (True, '1')}
-    for each in dataclasses.fields(settings_type):
-        refused = [] if each.metadata['of_any_type'] else [*wrong_types[each.type], None]
-        smallest, largest = each.metadata['limits']
-        if each.type is int:
+    for spec in dataclasses.fields(settings_type):
+        refused = [] if spec.metadata['of_any_type'] else [*wrong_types[spec.type], None]
+        smallest, largest = spec.metadata['limits']
+        if spec.type is int:
             refused += [smallest - 1, largest + 1]
-        elif each.type is float:
+        elif spec.type is float:
             refused += [math.nextafter(smallest, -math.inf), math.nextafter(largest, math.inf), math.nan]
-        for limit in (smallest, largest) if each.type in (int, float) else ():
-            require(getattr(settings_type(**{each.name: limit}), each.name) == limit, each.name)
+        for limit in (smallest, largest) if spec.type in (int, float) else ():
+            require(getattr(settings_type(**{spec.name: limit}), spec.name) == limit, spec.name)
         for value in refused:
-            start = f'parameter {each.name} is {escaped(repr(value), 100)}: must be '
+            start = f'parameter {spec.name} is {escaped(repr(value), 100)}: must be '
             with pytest.raises(StartUpError, match=f'^{re.escape(start)}'):
-                settings_type(**{each.name: value})
+                settings_type(**{spec.name: value})

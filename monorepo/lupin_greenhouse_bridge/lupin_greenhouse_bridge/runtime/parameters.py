@@ -45,14 +45,14 @@ def parameter(
 
 def check_parameters(settings: Any) -> None:
     """Raise StartUpError for the first parameter with a wrong type or a value outside its limits."""
-    for parameter in fields(settings):
-        if parameter.metadata['of_any_type']:
+    for spec in fields(settings):
+        if spec.metadata['of_any_type']:
             continue
-        name, value, wanted = parameter.name, getattr(settings, parameter.name), TYPE_NAMES[parameter.type]
-        (smallest, largest), accepted = parameter.metadata['limits'], parameter.metadata['accepted']
+        name, value, wanted = spec.name, getattr(settings, spec.name), TYPE_NAMES[spec.type]
+        (smallest, largest), accepted = spec.metadata['limits'], spec.metadata['accepted']
         if smallest is not None and not accepted:
             wanted += f' from {smallest:g} to {largest:g}'
-        if type(value) is not parameter.type and not (type(value) is int and parameter.type is float):
+        if type(value) is not spec.type and not (type(value) is int and spec.type is float):
             raise invalid(name, value, f'{wanted}, {accepted}' if accepted else wanted)
         if smallest is not None and not smallest <= value <= largest:  # also refuses NaN
             raise invalid(name, value, accepted or wanted)
@@ -80,12 +80,12 @@ def declare_parameters(
 
     from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
 
-    parameters = fields(cast('Any', settings_type))
+    specs = fields(cast('Any', settings_type))
     values = {}
-    for parameter in parameters:
+    for spec in specs:
         # The dataclass checks types and ranges. ROS would refuse 3600 for a double.
         unchecked = ParameterDescriptor(dynamic_typing=True)
-        values[parameter.name] = node.declare_parameter(parameter.name, parameter.default, unchecked).value
+        values[spec.name] = node.declare_parameter(spec.name, spec.default, unchecked).value
     undeclared = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
     if unused := [name for name in without_effect if name in undeclared]:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
@@ -93,26 +93,26 @@ def declare_parameters(
         if name not in without_effect:
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
     settings = settings_type(**values)
-    for parameter in parameters:
-        node.set_descriptor(parameter.name, _descriptor(parameter))
+    for spec in specs:
+        node.set_descriptor(spec.name, _descriptor(spec))
     return settings
 
 
-def _descriptor(parameter: 'Field[Any]') -> 'ParameterDescriptor':
+def _descriptor(spec: 'Field[Any]') -> 'ParameterDescriptor':
     """Return the ROS description of a parameter: read-only, with the range of a number."""
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
-    description = parameter.metadata['description']
+    description = spec.metadata['description']
     descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=True)
-    smallest, largest = parameter.metadata['limits']
-    if parameter.type is int:
+    smallest, largest = spec.metadata['limits']
+    if spec.type is int:
         descriptor.integer_range = [IntegerRange(from_value=smallest, to_value=largest, step=1)]
-    elif parameter.type is float:
+    elif spec.type is float:
         limits = FloatingPointRange(from_value=float(smallest), to_value=float(largest))
         descriptor.floating_point_range = [limits]
     return descriptor
 
 
-def default_text(parameter: 'Field[Any]') -> str:
+def default_text(spec: 'Field[Any]') -> str:
     """Return the default of a parameter as launch files write it."""
-    return str(parameter.default).lower() if parameter.type is bool else str(parameter.default)
+    return str(spec.default).lower() if spec.type is bool else str(spec.default)

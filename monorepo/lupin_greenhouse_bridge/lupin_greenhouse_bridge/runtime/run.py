@@ -42,7 +42,7 @@ def run(
     *,
     is_done: Callable[[Any], bool] = lambda _node: False,
     conclude: Callable[[Any], int] = lambda _node: 0,
-    refused: int = 1,
+    refusal_code: int = 1,
 ) -> int:
     """
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
@@ -50,7 +50,7 @@ def run(
     `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
     `args` is the command line with the program's name; None means sys.argv.
     `is_done(node)` is called after every callback. `conclude(node)` returns the exit code. A OneLineError
-    becomes one FATAL line of the logger `name`, and the exit code is `refused`.
+    becomes one FATAL line of the logger `name`, and the exit code is `refusal_code`.
     """
     logger = get_logger(name)
     words = sys.argv if args is None else args
@@ -70,7 +70,7 @@ def run(
                 logger.fatal(str(error))
     except StartUpError as error:
         logger.fatal(str(error))
-    return refused
+    return refusal_code
 
 
 def _refuse_own_arguments(words: list[str]) -> None:
@@ -188,8 +188,8 @@ def spin_once(executor: Executor, node: Node) -> None:
 def _help_text(module: ModuleType) -> str:
     """Return the docstring of a node's module, then a table of the parameters in its `Settings`."""
     rows = []
-    for parameter in fields(module.Settings):
-        default = repr(parameter.default) if parameter.type is str else default_text(parameter)
-        rows.append((parameter.name, default, parameter.metadata['description']))
+    for spec in fields(module.Settings):
+        default = repr(spec.default) if spec.type is str else default_text(spec)
+        rows.append((spec.name, default, spec.metadata['description']))
     table = [f'  {line}' for line in aligned_table(rows, numeric_columns=())]
     return '\n'.join([inspect.getdoc(module) or '', '', 'Parameters and their defaults:', *table])

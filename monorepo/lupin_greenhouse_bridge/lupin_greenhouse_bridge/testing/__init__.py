@@ -13,6 +13,15 @@ and in a test:
         my_consumer.ask(bridge.service_name)
         assert bridge.values('1')['temperature'] > 15.0
 
+| fixture | gives |
+|---|---|
+| start_bridge | a function that starts a real bridge with parameters, such as debug_seed=42 |
+| noon_bridge | a real bridge with a frozen clock, which all tests share |
+| slow_bridge | a service that replies when the test says so |
+| robot, run_nodes | a node of the test; a function that runs nodes in a thread of the test |
+| start_node, run_here | functions that run an executable as a process, or a main() in the test's process |
+| write_layout, shipped_tags | a function that writes a tag file; the tags of mdp-greenhouse |
+
 Every process is a real one, on a ROS domain that no other test run on this machine uses. The fixtures need
 pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and this package, as test_depend.
 """
@@ -172,7 +181,7 @@ class Bridge(NodeProcess):
         response = self.call(tag_id)
         is_read = (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
         require(is_read, response)
-        return {each.name: each.value for each in response.reading.readings}
+        return {sensor.name: sensor.value for sensor in response.reading.readings}
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -6,7 +6,7 @@ from lupin_greenhouse_bridge.settings import Settings
 
 
 def generate_launch_description():
-    """Take each parameter of the node as an argument, and what every node takes."""
+    """Declare the parameters of the bridge, namespace, log_level, params_file and respawn as arguments."""
     bridge = node_with_arguments(
         Settings,
         package='lupin_greenhouse_bridge',

@@ -149,4 +149,4 @@ def test_a_parameter_that_is_a_text_of_digits_stays_a_text(run_nodes):
         return rclpy.create_node('asking', automatically_declare_parameters_from_overrides=True)
 
     node, _ = run_nodes(asking, tag_id='7', yes='true', seed=7)
-    assert [node.get_parameter(each).value for each in ('tag_id', 'yes', 'seed')] == ['7', 'true', 7]
+    assert [node.get_parameter(name).value for name in ('tag_id', 'yes', 'seed')] == ['7', 'true', 7]

@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent
 MODULES = PACKAGE / 'lupin_greenhouse_bridge'
-# The rows of the table in the core's README.
+# The rows of the table of folders in tools/core/README.md of the monorepo.
 ROWS = (
     ('errors', 'units'),
     ('runtime',),

@@ -38,7 +38,7 @@ def raising(signals_at: dict[str, Sequence[signal.Signals]]) -> Iterator[None]:
         if event != 'call' or code.co_name not in functions:
             return
         called = f'{code.co_filename}:{code.co_name}'
-        for moment in [each for each in left if called.endswith(each)]:
+        for moment in [moment for moment in left if called.endswith(moment)]:
             print(f'signalled in {moment}', flush=True)
             for number in left.pop(moment):
                 signal.raise_signal(number)
