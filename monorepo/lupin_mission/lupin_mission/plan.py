@@ -46,7 +46,7 @@ class Plan:
         )
         self._grid, self._region, self._poses = found.grid, found.region, found.poses
         self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
-        self.warnings += [*found.grid_warnings, *found.view_warnings.values()]
+        self.warnings += found.warnings
         self.goals = {
             tag_id: [
                 PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))

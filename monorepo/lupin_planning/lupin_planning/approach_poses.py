@@ -92,8 +92,7 @@ def _compute(options: argparse.Namespace) -> Poses:
             progress=progress,
         )
         progress.clear()
-        warnings += approaches.grid_warnings
-        _warn(*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values())
+        _warn(*warnings, *approaches.warnings, *approaches.room_warnings.values())
         route = plan_route(
             approaches.grid,
             approaches.poses,

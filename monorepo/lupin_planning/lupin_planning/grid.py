@@ -1,15 +1,14 @@
 """
 One occupancy grid of walls, tables, tags and a map: where the centre of a disc robot can be. No ROS.
 
-A cell is free if the nearest obstacle is at least the radius and SMALLEST_ROOM_M away from its middle. Paths
-lead through the middles of free cells, and are then pulled taut.
+A cell is free if the nearest obstacle is at least the radius and SMALLEST_ROOM_M away from its centre. Paths
+lead through the centres of free cells, and are then pulled taut.
 """
 
 import functools
 import itertools
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -28,58 +27,52 @@ CELL_M = 0.02
 MOST_CELLS = 1_250_000  # 500 square metres; a larger greenhouse has larger cells
 STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))  # and back: 16 directions
 MARGIN_M = 1.0  # around the ends of a path, where it is searched for first
-FAR_M = 2.0  # gaps are exact up to here
-ROUNDING_M = 1e-3  # of gaps between the middles of cells
+FAR_M = 2.0  # distances to obstacles are exact up to here
+ROUNDING_M = 1e-3  # of distances between the centres of cells
 
 Point = tuple[float, float]
+Window = tuple[int, int, int, int]  # of the grid: first column and row, and those behind the last
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
-
-
-class Window(NamedTuple):
-    """A part of the grid: its first column and row, and those behind its last ones."""
-
-    i0: int
-    j0: int
-    i1: int
-    j1: int
 
 
 class Grid:
     """The free cells of a greenhouse, their connected regions, and the paths through them."""
 
     def __init__(
-        self,
-        layout: Layout,
-        walls: Walls,
-        radius_m: float,
-        smallest_room_m: float = SMALLEST_ROOM_M,
-        occupancy: OccupancyMap | None = None,
-    ):
+        self, layout: Layout, walls: Walls, radius_m: float, occupancy: OccupancyMap | None = None
+    ) -> None:
         """
-        Take the radius of the robot, its smallest room beyond that, and a map in the frame of the layout.
+        Take the radius of the robot, and a map in the frame of the layout.
 
         Raises StartUpError for a table without an area, or a robot that does not fit between the walls.
         """
-        self.robot_radius_m, self._needed_m, self._walls = radius_m, radius_m + smallest_room_m, walls
-        x0, y0, x1, y1 = walls
+        x0, y0, x1, y1 = self._walls = walls
+        self.robot_radius_m, self._needed_m = radius_m, radius_m + SMALLEST_ROOM_M
         apart_m = min(x1 - x0, y1 - y0)
-        if not 0.0 <= 2 * self._needed_m < apart_m:
+        if not 2 * self._needed_m < apart_m:
             raise StartUpError(
                 f'a robot of radius {radius_m:g} m does not fit between the walls, which are {apart_m:g} m'
                 ' apart: choose a smaller radius, or set walls'
             )
         self.cell_m = max(CELL_M, math.sqrt((x1 - x0) * (y1 - y0) / MOST_CELLS))
-        columns, rows = np.ceil((np.subtract(walls[2:], walls[:2])) / self.cell_m - EQUAL_M).astype(int)
+        columns, rows = (math.ceil(side_m / self.cell_m - EQUAL_M) for side_m in (x1 - x0, y1 - y0))
         self._xs = x0 + (np.arange(columns) + 0.5) * self.cell_m
         self._ys = y0 + (np.arange(rows) + 0.5) * self.cell_m
         tags = [(x, y, x, y) for x, y, _ in layout.tags.values()]
         self._boxes = np.array([*tables_of(layout), *tags])
-        self._map_gaps_m = None if occupancy is None else self._gaps_in(occupancy)
-        self._gaps_m = self._gaps_of_cells()
-        self._free = self._gaps_m >= self._needed_m - EQUAL_M
+        self._distances_m = self._distances_in_layout_m()
+        self._map_distances_m = np.full((columns, rows), FAR_M)
+        if occupancy is not None:
+            self._map_distances_m = self._distances_in_map_m(occupancy)
+            self._distances_m = np.minimum(self._distances_m, self._map_distances_m)
+        self._free = self._distances_m >= self._needed_m - EQUAL_M
         self._regions, self.region_count = ndimage.label(self._free, np.ones((3, 3)))
-        self._linked = functools.lru_cache(2)(self._link)
+        # The column and row of the free cell that is nearest to each cell, (2, columns, rows).
+        self._nearest_free = ndimage.distance_transform_edt(
+            ~self._free, return_distances=False, return_indices=True
+        )
+        self._graph = functools.lru_cache(2)(self._graph_of)
 
     @property
     def warning(self) -> str:
@@ -89,26 +82,31 @@ class Grid:
         narrowest_m = 2 * self._needed_m + self.cell_m
         return f'cells of {100 * self.cell_m:.1f} cm: passages of less than {narrowest_m:.2f} m may be missed'
 
-    def gaps_m(self, points: ArrayLike, *, has_map: bool = True) -> np.ndarray:
-        """Return the distance of each point (points, 2) to the nearest obstacle; below 0 beyond the walls."""
+    def layout_distances_m(self, points: ArrayLike) -> np.ndarray:
+        """Return the distance of each point (points, 2) to the nearest wall, table or tag."""
         points = np.asarray(points, dtype=float).reshape(-1, 2)
         x0, y0, x1, y1 = self._walls
         x, y = points.T
-        gaps_m = np.min([x - x0, y - y0, x1 - x, y1 - y], axis=0)
+        away_m = np.min([x - x0, y - y0, x1 - x, y1 - y], axis=0)  # below 0 beyond the walls
         if len(points):
             middle = points.mean(axis=0)
             reach_m = FAR_M + float(np.hypot(*(points - middle).T).max())
             near = self._boxes[distances_m(self._boxes, middle) <= reach_m]
-            gaps_m = np.minimum(gaps_m, distances_m(near, points[:, None]).min(axis=1, initial=np.inf))
-        if has_map and self._map_gaps_m is not None:
-            gaps_m = np.minimum(gaps_m, self._between(self._map_gaps_m, points))
-        return np.asarray(gaps_m)
+            away_m = np.minimum(away_m, distances_m(near, points[:, None]).min(axis=1, initial=np.inf))
+        return np.asarray(away_m)
+
+    def obstacle_distances_m(self, points: ArrayLike) -> np.ndarray:
+        """Return the distance of each point (points, 2) to the nearest obstacle of the layout and the map."""
+        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        in_map_m = self._interpolated(self._map_distances_m, points)
+        return np.asarray(np.minimum(self.layout_distances_m(points), in_map_m))
 
     def are_free(self, points: ArrayLike) -> Flags:
         """Return for each point (points, 2) whether the robot's centre can be there."""
         points = np.asarray(points, dtype=float).reshape(-1, 2)
-        are_near = np.abs(self._middles(self._nearest(points)) - points).max(axis=1) <= 1.5 * self.cell_m
-        return np.asarray(are_near & (self.gaps_m(points) >= self._needed_m - EQUAL_M))
+        offsets_m = np.abs(self._centres(self._nearest(points)) - points).max(axis=1)
+        has_room = self.obstacle_distances_m(points) >= self._needed_m - EQUAL_M
+        return np.asarray(has_room & (offsets_m <= 1.5 * self.cell_m))
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether the robot's centre can be at this point."""
@@ -123,18 +121,13 @@ class Grid:
         """Return the region of one free point."""
         return int(self.regions_of(place_m)[0])
 
-    def lengths_m(self, point: Point, others: ArrayLike) -> np.ndarray:
-        """Return the length of a path from a free point to each of some others; infinite without one."""
-        points = np.array([point, *np.asarray(others, dtype=float)])
-        cells, margin_m = self._nearest(points), MARGIN_M
-        while True:
-            window = self._around(cells, margin_m)
-            graph, nodes = self._linked(window)
-            places = nodes[tuple((cells - window[:2]).T)]
-            lengths_m = dijkstra(graph, indices=places[0])[places[1:]]
-            if np.isfinite(lengths_m).all() or self._is_all(window):
-                return np.asarray(lengths_m)
-            margin_m *= 4.0
+    def lengths_m(self, point: Point, others: np.ndarray) -> np.ndarray:
+        """Return the length of a path from a free point to each of some others; infinite without one near."""
+        cells = self._nearest([point, *others])
+        window = self._window(cells, MARGIN_M)
+        graph, nodes = self._graph(window)
+        first, *last = nodes[tuple((cells - window[:2]).T)]
+        return np.asarray(dijkstra(graph, indices=first)[last])
 
     def path(self, start: Point, goal: Point) -> list[Point] | None:
         """Return the points of a shortest path in metres; None if an end is not free, or cut off."""
@@ -143,28 +136,28 @@ class Grid:
             return None
         cells, margin_m = self._nearest(ends), MARGIN_M
         while True:
-            window = self._around(cells, margin_m)
-            graph, nodes = self._linked(window)
+            window = self._window(cells, margin_m)
+            graph, nodes = self._graph(window)
             first, last = nodes[tuple((cells - window[:2]).T)]
             lengths_m, before = dijkstra(graph, indices=first, return_predecessors=True)
-            # No path that leaves the window is shorter than twice its margin.
-            if lengths_m[last] <= 2.0 * margin_m or self._is_all(window):
+            # A path that leaves the window is longer than twice its margin.
+            if lengths_m[last] <= 2.0 * margin_m or window == (0, 0, *self._free.shape):
                 break
             margin_m *= 2.0
         trace = [last]
         while trace[-1] != first:
             trace.append(before[trace[-1]])
-        places = np.argwhere(nodes >= 0)[trace[::-1]] + window[:2]
-        return self._taut([start, *map(tuple, self._middles(places).tolist()), goal])
+        centres = self._centres(np.argwhere(nodes >= 0)[trace[::-1]] + window[:2])
+        return self._taut([start, *map(tuple, centres.tolist()), goal])
 
     def are_in_sight(self, starts: ArrayLike, ends: ArrayLike) -> Flags:
         """Return whether the robot can drive straight from each free point (points, 2) to another."""
-        starts, ends = (np.asarray(each, dtype=float).reshape(-1, 2) for each in (starts, ends))
+        starts, ends = (np.asarray(points, dtype=float).reshape(-1, 2) for points in (starts, ends))
         count = int(np.hypot(*(ends - starts).T).max(initial=0.0) / self.cell_m) + 2
         shares = np.linspace(0.0, 1.0, count)[:, None, None]
         points = starts + shares * (ends - starts)
-        gaps_m = self._between(self._gaps_m, points.reshape(-1, 2)).reshape(points.shape[:2])
-        return np.asarray(gaps_m.min(axis=0) >= self._needed_m - ROUNDING_M)
+        away_m = self._interpolated(self._distances_m, points.reshape(-1, 2)).reshape(points.shape[:2])
+        return np.asarray(away_m.min(axis=0) >= self._needed_m - ROUNDING_M)
 
     def _taut(self, points: list[Point]) -> list[Point]:
         """Return a path without the points past which the robot can drive straight."""
@@ -176,73 +169,65 @@ class Grid:
             taut.append(points[at])
         return taut
 
-    def _gaps_of_cells(self) -> np.ndarray:
-        """Return the distance from the middle of each cell to the nearest obstacle, (columns, rows)."""
+    def _distances_in_layout_m(self) -> np.ndarray:
+        """Return the distance from the centre of each cell to the nearest wall, table or tag."""
         x0, y0, x1, y1 = self._walls
-        reach_m = self._needed_m + 2 * self.cell_m  # farther ones are of no interest
+        reach_m = self._needed_m + 2 * self.cell_m  # farther obstacles do not matter
         to_x, to_y = np.minimum(self._xs - x0, x1 - self._xs), np.minimum(self._ys - y0, y1 - self._ys)
-        gaps_m = np.minimum(np.minimum(to_x[:, None], to_y), reach_m)
+        away_m = np.minimum(np.minimum(to_x[:, None], to_y), reach_m)
         for left, bottom, right, top in self._boxes:
             i = slice(*np.searchsorted(self._xs, (left - reach_m, right + reach_m)))
             j = slice(*np.searchsorted(self._ys, (bottom - reach_m, top + reach_m)))
             dx = np.maximum(np.maximum(left - self._xs[i], self._xs[i] - right), 0.0)
             dy = np.maximum(np.maximum(bottom - self._ys[j], self._ys[j] - top), 0.0)
-            gaps_m[i, j] = np.minimum(gaps_m[i, j], np.hypot(dx[:, None], dy))
-        return gaps_m if self._map_gaps_m is None else np.minimum(gaps_m, self._map_gaps_m)
+            away_m[i, j] = np.minimum(away_m[i, j], np.hypot(dx[:, None], dy))
+        return np.asarray(away_m)
 
-    def _gaps_in(self, occupancy: OccupancyMap) -> np.ndarray:
-        """Return the distance from the middle of each cell to what is taken in a map, at most FAR_M."""
+    def _distances_in_map_m(self, occupancy: OccupancyMap) -> np.ndarray:
+        """Return the distance from the centre of each cell to the nearest obstacle of a map, up to FAR_M."""
         shape = len(self._xs), len(self._ys)
-        middles = np.stack(np.meshgrid(self._xs, self._ys, indexing='ij'), axis=-1).reshape(-1, 2)
-        is_taken = occupancy.are_taken(middles).reshape(shape)
-        cells = self._cells(occupancy.taken_points())  # those of a map may be smaller
+        xs, ys = (axis.ravel() for axis in np.meshgrid(self._xs, self._ys, indexing='ij'))
+        is_obstacle = occupancy.are_obstacles(xs, ys).reshape(shape)
+        cells = self._cells(occupancy.obstacle_points())  # those of a map may be smaller
         i, j = cells[((cells >= 0) & (cells < shape)).all(axis=1)].T
-        is_taken[i, j] = True
-        if not is_taken.any():
+        is_obstacle[i, j] = True
+        if not is_obstacle.any():
             return np.full(shape, FAR_M)
-        gaps_m = ndimage.distance_transform_edt(~is_taken) * self.cell_m - self.cell_m / 2.0
-        return np.asarray(np.clip(gaps_m, 0.0, FAR_M))
+        away_m = ndimage.distance_transform_edt(~is_obstacle) * self.cell_m - self.cell_m / 2.0
+        return np.asarray(np.clip(away_m, 0.0, FAR_M))
 
-    def _between(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return the values of the cells at points (points, 2), interpolated between their middles."""
+    def _interpolated(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return the values of the cells at points (points, 2), interpolated between their centres."""
         columns, rows = ((points - self._walls[:2]) / self.cell_m - 0.5).T
         return np.asarray(ndimage.map_coordinates(values, [columns, rows], order=1, mode='nearest'))
 
     def _cells(self, points: ArrayLike) -> Numbers:
         """Return the column and row of each point (points, 2)."""
-        offsets = np.asarray(points, dtype=float).reshape(-1, 2) - self._walls[:2]
-        return np.asarray(np.floor(offsets / self.cell_m).astype(int))
+        offsets_m = np.asarray(points, dtype=float).reshape(-1, 2) - self._walls[:2]
+        return np.asarray(np.floor(offsets_m / self.cell_m).astype(int))
 
-    def _middles(self, cells: Numbers) -> np.ndarray:
-        """Return the middle of each cell (cells, 2)."""
+    def _centres(self, cells: Numbers) -> np.ndarray:
+        """Return the centre of each cell (cells, 2)."""
         return np.asarray(self._walls[:2] + (cells + 0.5) * self.cell_m)
 
     def _nearest(self, points: ArrayLike) -> Numbers:
         """Return the free cell that is nearest to each point (points, 2), as columns and rows."""
-        i, j = self._cells(points).T
         columns, rows = self._free.shape
+        i, j = self._cells(points).T
         nearest = self._nearest_free[:, i.clip(0, columns - 1), j.clip(0, rows - 1)]
         return np.asarray(nearest.T, dtype=int)
 
-    @functools.cached_property
-    def _nearest_free(self) -> NDArray[np.int32]:
-        """The column and row of the free cell that is nearest to each cell, (2, columns, rows)."""
-        nearest = ndimage.distance_transform_edt(~self._free, return_distances=False, return_indices=True)
-        return np.asarray(nearest)
-
-    def _around(self, cells: Numbers, margin_m: float) -> Window:
+    def _window(self, cells: Numbers, margin_m: float) -> Window:
         """Return the part of the grid with these cells and a margin around them."""
         margin = math.ceil(margin_m / self.cell_m)
         (i0, j0), (i1, j1) = cells.min(axis=0) - margin, cells.max(axis=0) + margin + 1
         columns, rows = self._free.shape
-        return Window(max(i0, 0), max(j0, 0), min(i1, columns), min(j1, rows))
+        return max(i0, 0), max(j0, 0), min(i1, columns), min(j1, rows)
 
-    def _is_all(self, window: Window) -> bool:
-        return window == (0, 0, *self._free.shape)
-
-    def _link(self, window: Window) -> tuple[csr_matrix, Numbers]:
+    def _graph_of(self, window: Window) -> tuple[csr_matrix, Numbers]:
         """Return the graph of the free cells of a window, and the node of each cell, or -1."""
-        free = self._free[window.i0 : window.i1, window.j0 : window.j1]
+        i0, j0, i1, j1 = window
+        free = self._free[i0:i1, j0:j1]
         count = int(free.sum())
         nodes = np.full(free.shape, -1)
         nodes[free] = np.arange(count)

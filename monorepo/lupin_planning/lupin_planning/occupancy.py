@@ -22,7 +22,7 @@ GREY_MODES = ('1', 'L', 'P', 'RGB')  # of an image of PIL: 8 bits, and no opacit
 
 
 class OccupancyMap:
-    """An occupancy grid. Unknown cells and all outside it count as occupied, or as free if asked for."""
+    """An occupancy grid. Unknown cells and all outside it are obstacles, unless they count as free."""
 
     files: tuple[Path, ...] = ()  # that it was read from
 
@@ -35,7 +35,7 @@ class OccupancyMap:
         data: Sequence[int] | np.ndarray,
         *,
         unknown_is_free: bool = False,
-    ):
+    ) -> None:
         """
         Take the plain fields of a nav_msgs/OccupancyGrid.
 
@@ -57,61 +57,43 @@ class OccupancyMap:
         self.resolution_m, self.origin = resolution_m, Transform(*origin)
         self.is_occupied = cells >= OCCUPIED_PERCENT
         self.is_unknown = ~self.is_occupied & ((cells < 0) | (cells > FREE_PERCENT))
-        self.is_unknown_taken = not unknown_is_free
-        self.is_taken = self.is_occupied | (self.is_unknown & self.is_unknown_taken)
+        self._is_free_outside = unknown_is_free
+        self._is_obstacle = self.is_occupied if unknown_is_free else self.is_occupied | self.is_unknown
 
     def in_layout(self, layout_in_map: Transform) -> 'OccupancyMap':
         """Return the same map in the frame of the layout."""
-        moved = copy.copy(self)
-        offset = Transform(yaw=-layout_in_map.yaw).point(
-            self.origin.x - layout_in_map.x, self.origin.y - layout_in_map.y
-        )
-        moved.origin = Transform(*offset, self.origin.yaw - layout_in_map.yaw)
+        moved, to_layout = copy.copy(self), layout_in_map.inverse()
+        x, y, yaw = self.origin
+        moved.origin = Transform(*to_layout.point(x, y), to_layout.heading(yaw))
         return moved
 
     @property
     def extent(self) -> Walls:
         """The rectangle along the axes that holds the grid."""
         height, width = np.array(self.is_occupied.shape) * self.resolution_m
-        xs, ys = zip(*(self.origin.point(x, y) for x in (0.0, width) for y in (0.0, height)), strict=True)
-        return Walls(min(xs), min(ys), max(xs), max(ys))
+        xs, ys = self.origin.point(np.array([0.0, width, 0.0, width]), np.array([0.0, 0.0, height, height]))
+        return Walls(xs.min(), ys.min(), xs.max(), ys.max())
 
-    def have_inside(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (points, 2) whether it is inside the grid."""
-        cells = self.in_cells(points)
-        inside: np.ndarray = np.all((cells >= 0.0) & (cells <= self.is_occupied.shape[::-1]), axis=1)
-        return inside
-
-    def are_taken(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (points, 2) whether the robot cannot be in its cell."""
-        columns, rows = np.floor(self.in_cells(points)).astype(int).T
-        height, width = self.is_taken.shape
+    def are_obstacles(self, xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
+        """Return for each point whether it is in an obstacle."""
+        x, y = self.origin.inverse().point(xs, ys)
+        columns, rows = (np.floor(each / self.resolution_m).astype(int) for each in (x, y))
+        height, width = self._is_obstacle.shape
         is_inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        cells = self.is_taken[rows.clip(0, height - 1), columns.clip(0, width - 1)]
-        return np.where(is_inside, cells, self.is_unknown_taken)
+        is_obstacle = self._is_obstacle[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+        return np.where(is_inside, is_obstacle, not self._is_free_outside)
 
-    def taken_points(self) -> np.ndarray:
-        """Return the middles of the cells in which the robot cannot be, in an array (points, 2)."""
-        rows, columns = np.nonzero(self.is_taken)
-        x, y = self.resolution_m * (np.array([columns, rows]) + 0.5)
-        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        return np.column_stack([self.origin.x + cos * x - sin * y, self.origin.y + sin * x + cos * y])
-
-    def in_cells(self, points: np.ndarray) -> np.ndarray:
-        """Return points (points, 2) as columns and rows, counted from the origin."""
-        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        turn = np.array([(cos, -sin), (sin, cos)])
-        cells: np.ndarray = (points - self.origin[:2]) @ turn / self.resolution_m
-        return cells
+    def obstacle_points(self) -> np.ndarray:
+        """Return the centres of the cells that are obstacles, in an array (points, 2)."""
+        rows, columns = np.nonzero(self._is_obstacle)
+        x, y = (columns + 0.5) * self.resolution_m, (rows + 0.5) * self.resolution_m
+        return np.column_stack(self.origin.point(x, y))
 
 
 def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:
     """Return a trinary map, as Nav2's map_saver writes it: a YAML file and its image. Raises StartUpError."""
     where = f"map '{escaped(str(path), 500)}'"
-    if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
-        raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')
-    wanted = 'a mapping with image, resolution and origin'
-    data: dict[str, Any] = DEFAULTS | read_yaml(path, where, wanted)
+    data: dict[str, Any] = DEFAULTS | read_yaml(path, where, 'a mapping with image, resolution and origin')
     if not isinstance(data.get('image'), str) or not data['image']:
         raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
     for key in ('mode', 'negate'):
@@ -122,9 +104,9 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
     origin = dict(zip(('x', 'y', 'yaw'), data['origin'], strict=True))
-    x, y, yaw = (float(number(origin, key, f'{where}: origin', *each)) for key, each in POSE_LIMITS.items())
+    x, y, yaw = (number(origin, key, f'{where}: origin', *limits) for key, limits in POSE_LIMITS.items())
     for key in ('occupied_thresh', 'free_thresh'):
-        number(data, key, where, 'share of 1', smallest=0.0, largest=1.0)
+        number(data, key, where, 'share of 1', 0.0, 1.0)
     if data['free_thresh'] >= data['occupied_thresh']:
         raise StartUpError(f'{where}: free_thresh must be below occupied_thresh')
     image = Path(path).parent / data['image']
@@ -132,7 +114,7 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     cells = np.select([occupied > data['occupied_thresh'], occupied < data['free_thresh']], [100, 0], -1)
     height, width = cells.shape
     found = OccupancyMap(
-        width, height, float(resolution_m), (x, y, yaw), cells[::-1].ravel(), unknown_is_free=unknown_is_free
+        width, height, resolution_m, (x, y, yaw), cells[::-1].ravel(), unknown_is_free=unknown_is_free
     )
     found.files = Path(path), image
     return found
@@ -144,14 +126,13 @@ def _read_image(path: Path, where: str) -> np.ndarray:
         from PIL import Image  # imported late: only maps need it
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-pil') from error
+    where = f"{where}: image '{escaped(str(path), 300)}'"
     try:
-        if path.exists() and not path.is_file():  # a pipe would wait for its writer
-            raise ValueError('not a regular file')
         with Image.open(path) as image:
             mode, grey = image.mode, np.asarray(image.convert('L'))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        fault = f"image '{escaped(str(path), 300)}' cannot be read ({reason_of(error)})"
-        raise StartUpError(f'{where}: {fault}: correct image in this file, or save the map again') from error
+        fault = f'{where} cannot be read ({reason_of(error)})'
+        raise StartUpError(f'{fault}: correct image in the map') from error
     if mode not in GREY_MODES:
-        raise StartUpError(f"{where}: image '{escaped(str(path), 300)}' is not 8-bit grey: {AS_SAVED}")
+        raise StartUpError(f'{where} is not 8-bit grey: {AS_SAVED}')
     return grey

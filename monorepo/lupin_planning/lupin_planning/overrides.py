@@ -38,7 +38,7 @@ def read_overrides(
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
         values = mapping_of(overrides, tag_id, where, EXAMPLE)
         refuse_unknown_keys(values, POSE_LIMITS, here, EXAMPLE)
-        x, y, yaw = (float(number(values, key, here, *limits)) for key, limits in POSE_LIMITS.items())
+        x, y, yaw = (number(values, key, here, *limits) for key, limits in POSE_LIMITS.items())
         if str(tag_id) in layout_ids:
             found[str(tag_id)] = PoseInPlane(*to_layout.point(x, y), to_layout.heading(yaw))
         else:

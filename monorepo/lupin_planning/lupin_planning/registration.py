@@ -4,7 +4,7 @@ import cmath
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, reason_of
@@ -24,6 +24,7 @@ POSE_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # n
 Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
 Numbers = NDArray[np.intp]
 Point = tuple[float, float]  # x and y in metres
+Coordinate = TypeVar('Coordinate', float, np.ndarray)
 
 
 class CannotFit(OneLineError):
@@ -42,8 +43,8 @@ class Transform(NamedTuple):
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Transform(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, -self.yaw)
 
-    def point(self, x: float, y: float) -> Point:
-        """Transform a point from the frame of the layout into the map."""
+    def point(self, x: Coordinate, y: Coordinate) -> tuple[Coordinate, Coordinate]:
+        """Transform a point, or arrays of x and y, from the frame of the layout into the map."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + cos * x - sin * y, self.y + sin * x + cos * y
 
@@ -191,7 +192,7 @@ def read_places(path: str | Path) -> dict[str, Point]:
         if not isinstance(place, list) or len(place) != 2:
             raise StartUpError(f'{here}: must be a list of x and y, {example}')
         at = dict(zip('xy', place, strict=True))
-        places[tag_id] = (float(number(at, 'x', here, 'metres')), float(number(at, 'y', here, 'metres')))
+        places[tag_id] = number(at, 'x', here, 'metres'), number(at, 'y', here, 'metres')
     return places
 
 
@@ -214,7 +215,7 @@ def read_registration(path: str | Path) -> tuple[str, Transform]:
     frame_id = data.get('frame_id')
     if not isinstance(frame_id, str) or not frame_id.strip():
         raise StartUpError(f'{where}: frame_id is missing or no text: must name the frame of the map')
-    return frame_id, Transform(*(float(number(data, key, where, *each)) for key, each in POSE_LIMITS.items()))
+    return frame_id, Transform(*(number(data, key, where, *limits) for key, limits in POSE_LIMITS.items()))
 
 
 def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_FRAME) -> None:

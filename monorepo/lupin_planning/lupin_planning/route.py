@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError
 from scipy.spatial import KDTree
 
 from lupin_planning.grid import Grid, Point, length_m
@@ -42,22 +42,13 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     """
     Return the route along the poses of these tags, or of all: as given, or the shortest found.
 
-    It begins at the start and ends at the end, which may be a dock; without them, any tag may be the first or
-    the last. `progress` is told what is done, how much of it, and of how much.
-    Raises StartUpError for a tag without a pose, or one that is cut off.
+    Each of the tags has a pose. The route begins at the start and ends at the end, which may be a dock;
+    without them, any tag may be the first or the last. `progress` is called with what is done, how much of
+    it, and of how much. Raises StartUpError if a stop is not free, or is cut off from the one before.
     """
-    tag_ids = list(poses) if tag_ids is None else list(tag_ids)
-    for tag_id in tag_ids:
-        if tag_id not in poses:
-            raise StartUpError(f"tag '{escaped(tag_id, 64)}' has no approach pose: leave it out of the order")
+    tag_ids = list(poses if tag_ids is None else tag_ids)
     at_tags = [poses[tag_id][:2] for tag_id in tag_ids]
     stops = [stop for stop in (start_m, *at_tags, end_m) if stop is not None]
-    are_free = grid.are_free(stops)
-    if not are_free.all():
-        first = int(are_free.argmin())
-        (x, y), is_last = stops[first], first == len(stops) - 1
-        what = 'start' if start_m and first == 0 else 'end' if end_m and is_last else 'pose'
-        raise StartUpError(f'the {what} at ({x:.2f}, {y:.2f}) is not free: choose another')
     visits = list(range(len(stops)))
     if order == 'shortest' and len(stops) > 2:
         lengths_m = _lengths_m(grid, np.array(stops), progress)
@@ -69,12 +60,12 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
         if path is None:
             (x0, y0), (x1, y1) = stops[here], stops[there]
             raise StartUpError(
-                f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
-                ' or choose another start'
+                f'the robot cannot drive from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}): one of them is'
+                ' not free, or no passage between is wide enough: choose another start or end'
             )
         points += path[1:]
     tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
-    return Route([tag_of[each] for each in visits if each in tag_of], points, length_m(points))
+    return Route([tag_of[visit] for visit in visits if visit in tag_of], points, length_m(points))
 
 
 def _lengths_m(grid: Grid, stops: np.ndarray, progress: Progress) -> np.ndarray:
@@ -94,19 +85,19 @@ def _shortest(lengths_m: np.ndarray, *, has_start: bool, has_end: bool) -> list[
     lengths_m = np.pad(lengths_m, (0, 1))
     begin = 0 if has_start else anywhere
     end = anywhere - 1 if has_end else anywhere
-    between = [each for each in range(anywhere) if each not in (begin, end)]
+    between = [stop for stop in range(anywhere) if stop not in (begin, end)]
     orders = []
     nearest_first = sorted(between, key=lengths_m[begin].__getitem__)
     for first in nearest_first[:: math.ceil(len(between) ** 2 / MOST_WORK)]:
         order = [begin, *_nearest_first(first, between, lengths_m), end]
         orders.append(_improved(order, lengths_m))
     best = min(orders, key=lambda order: round(float(lengths_m[order[:-1], order[1:]].sum()), 6))
-    return [each for each in best.tolist() if each != anywhere]
+    return [stop for stop in best.tolist() if stop != anywhere]
 
 
 def _nearest_first(start: int, stops: list[int], lengths_m: np.ndarray) -> list[int]:
     """Return an order that begins at a stop, and goes to the nearest of the others each time."""
-    order, left = [start], [each for each in stops if each != start]
+    order, left = [start], [stop for stop in stops if stop != start]
     while left:
         order.append(left.pop(int(lengths_m[order[-1], left].argmin())))
     return order

@@ -35,7 +35,7 @@ class Table(NamedTuple):
             WEST: math.hypot(x - self.x0, y - inside_y),
             EAST: math.hypot(x - self.x1, y - inside_y),
         }
-        return [angle for angle, each_m in edges_m.items() if each_m <= min(edges_m.values()) + EQUAL_M]
+        return [angle for angle, edge_m in edges_m.items() if edge_m <= min(edges_m.values()) + EQUAL_M]
 
     def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
         """Return the distance from a point to this table in one of four directions; infinite beside it."""
@@ -75,28 +75,18 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     StartUpError for a table without an area.
     """
     tables = tables_of(layout)
-    xs, ys, _ = zip(*layout.tags.values(), strict=True)
-    middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
     edges = np.array(tables).reshape(-1, 4)
+    xs, ys, _ = zip(*layout.tags.values(), strict=True)
+    middle_x, middle_y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
     tag_poses = {}
     for tag_id, (x, y, _) in layout.tags.items():
         wall = _wall_of(x, y, walls, edges)
         if wall is not None:
-            tag_poses[tag_id] = TagPose(x, y, OPPOSITE[wall])
-            continue
-        if not tables:
-            facing = math.atan2(middle[1] - y, middle[0] - x) if (x, y) != middle else SOUTH
-            tag_poses[tag_id] = TagPose(x, y, facing)
-            continue
-        number = nearest_of(distances_m(edges, (x, y)))
-        facing, *others = tables[number].nearest_edges(x, y)
-        if others:
-            around: list[Walls | Table] = [walls, *tables[:number], *tables[number + 1 :]]
-            room_m = {
-                angle: min(round(each.distance_ahead_m(x, y, angle), 9) for each in around)
-                for angle in (facing, *others)
-            }
-            facing = max(room_m, key=room_m.__getitem__)
+            facing = OPPOSITE[wall]
+        elif tables:
+            facing = _side_of_table(x, y, _nearest_table(x, y, edges), tables, walls)
+        else:
+            facing = SOUTH if (x, y) == (middle_x, middle_y) else math.atan2(middle_y - y, middle_x - x)
         tag_poses[tag_id] = TagPose(x, y, facing)
     return tag_poses
 
@@ -108,38 +98,46 @@ def _wall_of(x: float, y: float, walls: Walls, tables: np.ndarray) -> float | No
     return wall if 0.0 <= away_m[wall] < distances_m(tables, (x, y)).min(initial=ON_WALL_M) else None
 
 
+def _nearest_table(x: float, y: float, tables: np.ndarray) -> int:
+    """Return the number of the table that is nearest to a point; of equal ones, the first."""
+    return int(np.round(distances_m(tables, (x, y)), 9).argmin())
+
+
+def _side_of_table(x: float, y: float, number: int, tables: list[Table], walls: Walls) -> float:
+    """Return the direction in which a tag on a table faces."""
+    others: list[Walls | Table] = [walls, *tables[:number], *tables[number + 1 :]]
+    room_m = {
+        angle: min(round(other.distance_ahead_m(x, y, angle), 9) for other in others)
+        for angle in tables[number].nearest_edges(x, y)
+    }
+    return max(room_m, key=room_m.__getitem__)
+
+
 def distances_m(tables: np.ndarray, points: ArrayLike) -> np.ndarray:
     """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2); 0 in it."""
     beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
     return np.asarray(np.hypot(beside[..., 0], beside[..., 1]))
 
 
-def nearest_of(distances_m: np.ndarray) -> int:
-    """Return the number of the smallest distance; of equal ones, the first."""
-    return int(np.argmax(distances_m <= distances_m.min() + EQUAL_M))
-
-
-def are_hidden(eyes: np.ndarray, tag: TagPose, tables: np.ndarray) -> NDArray[np.bool_]:
+def are_hidden(cameras: np.ndarray, tag: TagPose, tables: np.ndarray, walls: Walls) -> NDArray[np.bool_]:
     """
-    Return for each camera position (eyes, 2) whether a table (tables, 4) hides the tag.
+    Return for each camera position (cameras, 2) whether a table (tables, 4) hides the tag.
 
-    It does if it is between the camera and the middle of the tag, or one of its ends.
+    It does if it is between the camera and the middle of the tag, or one of its ends. A tag stands on its
+    nearest table, which never hides it, unless it hangs on a wall.
     """
-    aside = TAG_WIDTH_M / 2 * np.array([-math.sin(tag.facing), math.cos(tag.facing)])
-    targets = tag[:2] + np.array([[-1.0], [0.0], [1.0]]) * aside
-    starts, along = eyes[:, None, None], targets[:, None] - eyes[:, None, None]  # (eyes, targets, 1, 2)
+    x, y, facing = tag
+    reach_m = np.hypot(*(cameras - (x, y)).T).max(initial=0.0)
+    is_near = distances_m(tables, (x, y)) <= reach_m
+    if len(tables) and _wall_of(x, y, walls, tables) is None:
+        is_near[_nearest_table(x, y, tables)] = False
+    # Without its edges, a table that touches a line does not hide it.
+    near = tables[is_near] + np.array([1.0, 1.0, -1.0, -1.0]) * EQUAL_M
+    aside = TAG_WIDTH_M / 2 * np.array([-math.sin(facing), math.cos(facing)])
+    targets = (x, y) + np.array([[-1.0], [0.0], [1.0]]) * aside
+    starts = cameras[:, None, None]
+    along = targets[:, None] - starts  # (cameras, targets, 1, 2)
     with np.errstate(divide='ignore'):
-        meets = np.sort([(tables[:, side] - starts) / along for side in (LOW, HIGH)], axis=0)
+        meets = np.sort([(near[:, corner] - starts) / along for corner in (LOW, HIGH)], axis=0)
     enters, leaves = meets[0].max(axis=3).clip(0.0), meets[1].min(axis=3).clip(None, 1.0)
     return np.asarray((enters < leaves).any(axis=(1, 2)))
-
-
-def tables_before(tag: TagPose, tables: np.ndarray, walls: Walls) -> np.ndarray:
-    """
-    Return the tables (tables, 4) that can hide a tag, without their edges: what touches a table sees past it.
-
-    A tag stands on its nearest table, which never hides it, unless it hangs on a wall.
-    """
-    if len(tables) and _wall_of(*tag[:2], walls, tables) is None:
-        tables = np.delete(tables, nearest_of(distances_m(tables, tag[:2])), axis=0)
-    return tables + np.array([1.0, 1.0, -1.0, -1.0]) * EQUAL_M

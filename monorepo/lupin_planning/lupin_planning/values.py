@@ -19,7 +19,7 @@ def number(
     """Return the value of a key, which must be a number; raises a StartUpError that begins with `where`."""
     value = mapping.get(key)
     if isinstance(value, (int, float)) and not isinstance(value, bool) and smallest <= value <= largest:
-        return value
+        return float(value)
     raise StartUpError(
         f'{where}: {key} is {_shown(mapping, key)}:'
         f' must be a number from {smallest:g} to {largest:g} ({unit})'

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
 
-from lupin_planning.grid import SMALLEST_ROOM_M
 from lupin_planning.poses import PoseInPlane
 from lupin_planning.tag_poses import EQUAL_M, TagPose
 
@@ -69,15 +68,12 @@ class ViewingLimits:
 
 def find_candidates(tag: TagPose, limits: ViewingLimits) -> np.ndarray:
     """Return the poses within the limits, with the columns of ApproachPose, in an array (poses, 5)."""
-    preferred_m = limits.preferred_standoff_m
-    standoffs_m = [
-        preferred_m,
-        *_steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M),
-        *_steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M),
-    ]
-    one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
-    both_sides = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
-    away_m, angles = (each.ravel() for each in np.meshgrid(standoffs_m, both_sides, indexing='ij'))
+    largest_rad = limits.largest_angle_rad
+    standoffs_m = _steps(
+        limits.smallest_standoff_m, limits.preferred_standoff_m, limits.largest_standoff_m, STANDOFF_STEP_M
+    )
+    both_sides = _steps(-largest_rad, 0.0, largest_rad, ANGLE_STEP_RAD)[::-1]
+    away_m, angles = (axis.ravel() for axis in np.meshgrid(standoffs_m, both_sides, indexing='ij'))
     places = tag[:2] + away_m[:, None] * directions(tag.facing + angles)
     yaws = wrapped(tag.facing + angles + math.pi)
     return np.column_stack([places, yaws, away_m, np.abs(angles)])
@@ -85,7 +81,7 @@ def find_candidates(tag: TagPose, limits: ViewingLimits) -> np.ndarray:
 
 def best_first(poses: np.ndarray, rooms_m: np.ndarray, limits: ViewingLimits) -> np.ndarray:
     """
-    Return the numbers of the poses, an array (poses, 5), that have SMALLEST_ROOM_M of room, the best first.
+    Return the numbers of the poses, an array (poses, 5) with the room at each, the best first.
 
     The pose with the most room is the best, counted up to the clearance plus the arrival tolerance; then the
     one whose standoff is nearest to the preferred one; then the one with the smallest incidence angle.
@@ -93,8 +89,7 @@ def best_first(poses: np.ndarray, rooms_m: np.ndarray, limits: ViewingLimits) ->
     enough_m = limits.clearance_m + limits.arrival_tolerance_m
     room_mm = np.round(1e3 * np.minimum(rooms_m, enough_m))
     off_m = np.round(np.abs(poses[:, 3] - limits.preferred_standoff_m), 9)
-    order = np.lexsort((np.round(poses[:, 4], 9), off_m, -room_mm))
-    return np.asarray(order[rooms_m[order] >= SMALLEST_ROOM_M - EQUAL_M])
+    return np.lexsort((np.round(poses[:, 4], 9), off_m, -room_mm))
 
 
 def cameras_at(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
@@ -102,38 +97,28 @@ def cameras_at(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
     return np.asarray(poses[:, :2] + limits.camera_offset_m * directions(poses[:, 2]))
 
 
-def pose_by_hand(pose: PoseInPlane, tag: TagPose, limits: ViewingLimits) -> tuple[ApproachPose, str]:
-    """
-    Return the approach pose that a team has set, and why the camera cannot see the tag from it, or ''.
-
-    The angle of the pose is that of the camera's line of sight. If the robot looks past the tag, there is
-    none, and the angle is that between the direction of the robot and the normal of the tag.
-    """
+def override_pose(pose: PoseInPlane, tag: TagPose, limits: ViewingLimits) -> tuple[ApproachPose, str]:
+    """Return the approach pose that a team has set, and why the camera cannot see the tag from it, or ''."""
     x, y, yaw = pose
     distance_m = math.hypot(tag.x - x, tag.y - y)
     ((camera_x, camera_y),) = cameras_at(np.array([pose]), limits)
     sight = math.atan2(tag.y - camera_y, tag.x - camera_x)
-    past_rad, incidence_rad = _between(sight, yaw), _between(sight + math.pi, tag.facing)
-    angle_rad, reason = incidence_rad, ''
+    past_rad = abs(math.remainder(sight - yaw, math.tau))
+    angle_rad = abs(math.remainder(sight + math.pi - tag.facing, math.tau))
+    problem = ''
     if past_rad > HALF_VIEW_RAD:
-        angle_rad = _between(yaw + math.pi, tag.facing)
-        reason = f'it looks {math.degrees(past_rad):.0f}° past the tag: correct yaw'
-    elif incidence_rad > limits.largest_angle_rad + EQUAL_M:
-        reason = (
-            f'the incidence angle is {math.degrees(incidence_rad):.0f}°, above'
+        problem = f'it looks {math.degrees(past_rad):.0f}° past the tag: correct yaw'
+    elif angle_rad > limits.largest_angle_rad + EQUAL_M:
+        problem = (
+            f'the incidence angle is {math.degrees(angle_rad):.0f}°, above'
             f' {math.degrees(limits.largest_angle_rad):g}°: correct the position'
         )
     elif not limits.smallest_standoff_m - EQUAL_M <= distance_m <= limits.largest_standoff_m + EQUAL_M:
-        reason = (
+        problem = (
             f'it is {distance_m:.2f} m from the tag, not {limits.smallest_standoff_m:g} to'
             f' {limits.largest_standoff_m:g} m: correct the position'
         )
-    return ApproachPose(x, y, yaw, distance_m, angle_rad), reason
-
-
-def _between(one_rad: float, other_rad: float) -> float:
-    """Return the angle from 0 to pi between two directions."""
-    return abs(math.remainder(one_rad - other_rad, math.tau))
+    return ApproachPose(x, y, yaw, distance_m, angle_rad), problem
 
 
 def directions(angles: np.ndarray) -> np.ndarray:
@@ -146,7 +131,7 @@ def wrapped(angles: np.ndarray) -> np.ndarray:
     return angles - math.tau * np.round(angles / math.tau)
 
 
-def _steps(start: float, end: float, step: float) -> list[float]:
-    """Return the values from a start, which is left out, to an end, which is not."""
-    count = math.ceil(round(abs(end - start) / step, 6))
-    return [start + math.copysign(n * step, end - start) for n in range(1, count)] + [end] * bool(count)
+def _steps(lowest: float, middle: float, highest: float, step: float) -> np.ndarray:
+    """Return in order the values that are whole steps from the middle, and both ends."""
+    down, up = math.floor((middle - lowest) / step), math.floor((highest - middle) / step)
+    return np.unique(np.round([lowest, *(middle + step * np.arange(-down, up + 1)), highest], 9))

@@ -88,7 +88,7 @@ class Settings(LayoutSettings):
         layout, walls = self.read_layout()
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         layout = layout._replace(tables=layout.tables | obstacles)
-        grid = Grid(layout, walls, self.robot_radius_m, smallest_room_m=0.0)
+        grid = Grid(layout, walls, self.robot_radius_m)
         if not grid.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'

@@ -153,7 +153,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     route = [tuple(map(float, line.split(','))) for line in lines]
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
     assert length_m(route) > math.dist(START, FAR[:2]) + 0.1
-    assert Grid(LAYOUT, WALLS, 0.19, smallest_room_m=0.0).are_in_sight(route[:-1], route[1:]).all()
+    assert Grid(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
     client.feedback.clear()
     client.send(FAR._replace(yaw=FAR.yaw + 3.0))
     clock.pass_seconds(0.1)  # it only turns
