@@ -51,7 +51,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         data = _compute(options)
         print_line(FORMATS[options.format](data), end='')
-        _warn(*(f"tag '{escaped(each['tag_id'], 64)}': {each['reason']}" for each in data['unreachable']))
+        _warn(*(f"tag '{escaped(tag['tag_id'], 64)}': {tag['reason']}" for tag in data['unreachable']))
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
@@ -71,14 +71,14 @@ def _compute(options: argparse.Namespace) -> Poses:
     limits = _limits_of(options)
     occupancy = None
     if options.unknown and not options.map:
-        raise UsageError('--unknown is about the cells of a map: name one with --map FILE')
+        raise UsageError('--unknown needs a map: set --map FILE')
     if options.map:
         occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free').in_layout(transform)
         if not options.layout_in_map:
-            warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
+            warnings.append('without --layout-in-map, the map is taken to be in the frame of the layout')
     if options.picture:
         _check_picture(options.picture, occupancy)
-    start_m, end_m = (each and tuple(each) for each in (options.start, options.end))
+    start_m, end_m = (place and tuple(place) for place in (options.start, options.end))
     progress = Progress('approach_poses')
     try:
         approaches = find_approaches(
@@ -112,7 +112,7 @@ def _compute(options: argparse.Namespace) -> Poses:
 def _limits_of(options: argparse.Namespace) -> ViewingLimits:
     values = {name: getattr(options, name) for name in LIMITS}
     return ViewingLimits(
-        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()}
+        **{name: math.radians(value) if name.endswith('_rad') else value for name, value in values.items()}
     )
 
 
@@ -130,14 +130,14 @@ def _data_of(approaches: Approaches, route: Route, transform: Transform) -> Pose
         moved = pose._replace(x=x, y=y, yaw=transform.heading(pose.yaw))._asdict()
         # + 0.0 makes 0.0 of -0.0.
         poses.append({'tag_id': tag_id, **{key: round(value, 6) + 0.0 for key, value in moved.items()}})
-    unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
+    unreachable = [{'tag_id': tag_id, 'reason': reason} for tag_id, reason in approaches.unreachable.items()]
     return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}
 
 
 def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:
     """Raise a OneLineError if the picture cannot be written, before anything is computed."""
     files_of_map = occupancy.files if occupancy else ()
-    check_output_file(path, '--picture', [('--map', each) for each in files_of_map])
+    check_output_file(path, '--picture', [('--map', file) for file in files_of_map])
     try:
         from lupin_planning.picture import picture_format
 
@@ -165,10 +165,10 @@ def _draw(
 
 def _as_table(data: Poses) -> str:
     rows = [('tag', 'x (m)', 'y (m)', 'yaw (°)', 'standoff (m)', 'angle (°)')]
-    for each in data['poses']:
-        yaw, angle = (f'{math.degrees(each[key]):.0f}' for key in ('yaw', 'angle_rad'))
-        x, y, standoff = (f'{each[key]:.2f}' for key in ('x', 'y', 'distance_m'))
-        rows.append((escaped(each['tag_id'], 40), x, y, yaw, standoff, angle))
+    for pose in data['poses']:
+        yaw, angle = (f'{math.degrees(pose[key]):.0f}' for key in ('yaw', 'angle_rad'))
+        x, y, standoff = (f'{pose[key]:.2f}' for key in ('x', 'y', 'distance_m'))
+        rows.append((escaped(pose['tag_id'], 40), x, y, yaw, standoff, angle))
     count, missing = len(data['poses']), len(data['unreachable'])
     summary = (
         f'{count}/{count + missing} tags have an approach pose; the route is {data["length_m"]:.1f} m long'

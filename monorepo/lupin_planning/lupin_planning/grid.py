@@ -122,12 +122,16 @@ class Grid:
         return int(self.regions_of(place_m)[0])
 
     def lengths_m(self, point: Point, others: np.ndarray) -> np.ndarray:
-        """Return the length of a path from a free point to each of some others; infinite without one near."""
-        cells = self._nearest([point, *others])
-        window = self._window(cells, MARGIN_M)
-        graph, nodes = self._graph(window)
-        first, *last = nodes[tuple((cells - window[:2]).T)]
-        return np.asarray(dijkstra(graph, indices=first)[last])
+        """Return the length of a path from a free point to each of some others; infinite without one."""
+        cells, margin_m = self._nearest([point, *others]), MARGIN_M
+        while True:
+            window = self._window(cells, margin_m)
+            graph, nodes = self._graph(window)
+            first, *last = nodes[tuple((cells - window[:2]).T)]
+            lengths_m = dijkstra(graph, indices=first)[last]
+            if np.isfinite(lengths_m).all() or window == (0, 0, *self._free.shape):
+                return np.asarray(lengths_m)
+            margin_m *= 2.0
 
     def path(self, start: Point, goal: Point) -> list[Point] | None:
         """Return the points of a shortest path in metres; None if an end is not free, or cut off."""

@@ -77,7 +77,7 @@ class OccupancyMap:
     def are_obstacles(self, xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
         """Return for each point whether it is in an obstacle."""
         x, y = self.origin.inverse().point(xs, ys)
-        columns, rows = (np.floor(each / self.resolution_m).astype(int) for each in (x, y))
+        columns, rows = np.floor(np.array([x, y]) / self.resolution_m).astype(int)
         height, width = self._is_obstacle.shape
         is_inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
         is_obstacle = self._is_obstacle[rows.clip(0, height - 1), columns.clip(0, width - 1)]

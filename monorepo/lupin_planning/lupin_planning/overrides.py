@@ -29,7 +29,7 @@ def read_overrides(
     if frame not in FRAMES:
         raise StartUpError(f'{where}: frame is {escaped(repr(frame), 60)}: must be layout or map')
     if frame == 'map' and layout_in_map is None:
-        raise StartUpError(f'{where}: frame is map: say with --layout-in-map where the layout lies in it')
+        raise StartUpError(f'{where}: frame is map: set --layout-in-map to say where the layout lies in it')
     to_layout = layout_in_map.inverse() if frame == 'map' and layout_in_map else Transform()
     overrides = mapping_of(data, 'overrides', where, EXAMPLE)
     found: dict[str, PoseInPlane] = {}

@@ -18,6 +18,7 @@ HEAD = f'# The pose of the frame {LAYOUT_FRAME} (the layout) in the map: metres 
 DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
+SMALLEST_SPREAD = 1e-6  # square metres; tags in one spot show no rotation
 _EXAMPLE = '{frame_id: map, x: 1.5, y: -0.2, yaw: 0.3}'
 _METRES = ('metres', -1e12, 1e12)
 POSE_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # not degrees
@@ -90,8 +91,8 @@ def fit(
     tags, and more than half of them, remain. The click error is the smallest standard deviation to assume for
     a position in the map, along each axis: a few residuals can be small by chance.
 
-    Raises CannotFit if there are fewer than two tags, if the tags are in one spot, if the positions are a
-    mirror image, or if a residual or the expected error is above the tolerance.
+    Raises CannotFit if there are fewer than two tags, if the positions are a mirror image, or if a residual
+    or the expected error is above the tolerance.
     """
     tag_ids = list(map_m)
     if len(tag_ids) < 2:
@@ -113,18 +114,12 @@ def fit(
             ' position, add more tags, or raise the tolerance'
         )
     aligned, middle = _aligned(layout[kept], in_map[kept]), layout[kept].mean()
-    spread_m = np.abs(layout[kept] - middle)
-    if spread_m.max() <= tolerance_m:
-        raise CannotFit(
-            f'the {len(kept)} tags that fit lie in one spot of the layout, within the tolerance of'
-            f' {tolerance_m:g} m, and fit any rotation: use tags that are far apart'
-        )
     distances_m = np.abs(everywhere - middle)
     farthest, farthest_m = list(layout_m)[distances_m.argmax()], distances_m.max()
     # A residual has two coordinates, and the fit takes three of them: the shift and the rotation.
     deviation_m = max(click_error_m, math.sqrt(aligned.squared_error / (2 * len(kept) - 3)))
-    turning = farthest_m**2 / (spread_m**2).sum()
-    expected_error_m = deviation_m * math.sqrt(2 / len(kept) + turning)
+    spread = max((np.abs(layout[kept] - middle) ** 2).sum(), SMALLEST_SPREAD)
+    expected_error_m = deviation_m * math.sqrt(2 / len(kept) + farthest_m**2 / spread)
     if expected_error_m > tolerance_m:
         raise CannotFit(
             f"the expected error is {expected_error_m:.2f} m at tag '{escaped(farthest, 64)}', which is"
@@ -160,8 +155,8 @@ def _agreeing(layout: Positions, in_map: Positions, tolerance_m: float) -> Numbe
     while _aligned(layout[kept], in_map[kept]).residuals_m.max() > tolerance_m:
         if len(kept) <= fewest:
             return kept[:0]
-        without_each = [np.delete(kept, number) for number in range(len(kept))]
-        kept = min(without_each, key=lambda some: _aligned(layout[some], in_map[some]).squared_error)
+        without_one = [np.delete(kept, number) for number in range(len(kept))]
+        kept = min(without_one, key=lambda some: _aligned(layout[some], in_map[some]).squared_error)
     return kept
 
 

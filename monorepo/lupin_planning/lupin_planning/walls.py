@@ -71,10 +71,11 @@ def warning_of_outside(layout: Layout, walls: Walls) -> str:
         for name, (x0, y0, x1, y1) in layout.tables.items()
         if not (walls.has_inside(x0, y0) and walls.has_inside(x1, y1))
     ]
-    named = [names_text(*each, MOST_NAMED) for each in (('tag', tags), ('table', tables)) if each[1]]
-    if not named:
+    outside = [names_text(kind, ids, MOST_NAMED) for kind, ids in (('tag', tags), ('table', tables)) if ids]
+    if not outside:
         return ''
-    return f'outside the walls ({walls}): {", ".join(named)}: set --walls or --sim-config-file, all in metres'
+    remedy = 'set --walls or --sim-config-file, all in metres'
+    return f'outside the walls ({walls}): {", ".join(outside)}: {remedy}'
 
 
 def parse_walls(value: object) -> Walls | None:

@@ -91,14 +91,15 @@ HEAD_ON = {
     'largest_standoff_m': 0.5,
     'largest_angle_rad': 0.0,
 }
-# A yard with one entrance, 0.45 m wide. Tag 0 is in it, tag 1 outside.
+NEEDED_M = 2 * (0.2 + SMALLEST_ROOM_M)  # between two obstacles, by a robot of radius 0.2 m
+# A yard with one entrance, 1 cm wider than the robot and a cell. Tag 0 is in it, tag 1 outside.
 YARD = layout_of(
     (1.5, 0.5),
     (1.5, 0.0),
     south=(0.0, 0.0, 3.0, 0.5),
     north=(0.0, 3.0, 3.0, 3.5),
     west=(0.0, 0.5, 0.5, 3.0),
-    east=(2.5, 0.95, 3.0, 3.0),
+    east=(2.5, 0.5 + NEEDED_M + CELL_M + 0.01, 3.0, 3.0),
 )
 OUTSIDE_M, INSIDE_M = (-0.8, -0.8), (1.5, 1.75)
 CROWDED = YARD._replace(tables={**YARD.tables, 'ahead': (1.2, -0.7, 1.8, -0.3)})
@@ -166,12 +167,27 @@ def aisle_of(width_m: float) -> Layout:
     return layout_of((2.0, 1.0), south=(0.0, 0.0, 4.0, 1.0), north=(0.0, 1.0 + width_m, 4.0, 2.0 + width_m))
 
 
-@pytest.mark.parametrize(('width_m', 'room_m'), [(0.60, 0.1), (0.48, 0.04), (0.44, 0.02)])
-def test_the_roomiest_pose_is_taken_where_there_is_little_room(width_m, room_m):
-    found = approaches_of(aisle_of(width_m))
-    assert gaps_m(aisle_of(width_m), found.poses['0'][:2]) - 0.2 >= room_m - 0.006
-    assert len(found.room_warnings) == (room_m < 0.05)
-    assert not approaches_of(aisle_of(0.415)).poses  # less than the smallest room
+@pytest.mark.parametrize('room_m', [0.1, 0.04, SMALLEST_ROOM_M + CELL_M / 2])
+def test_the_roomiest_pose_is_taken_where_there_is_little_room(room_m):
+    layout = aisle_of(2 * (0.2 + room_m))
+    found = approaches_of(layout)
+    assert gaps_m(layout, found.poses['0'][:2]) - 0.2 >= room_m - 0.006
+    assert len(found.room_warnings) == (room_m < USUAL.clearance_m)
+    assert not approaches_of(aisle_of(NEEDED_M - 0.005)).poses
+
+
+@given(
+    y=st.floats(1.0, 1.0 + CELL_M),
+    width_m=st.floats(NEEDED_M + CELL_M, NEEDED_M + 3 * CELL_M),
+    share=st.floats(0.0, 1.0),
+)
+def test_an_aisle_that_is_one_cell_wider_than_needed_is_free_all_along(y, width_m, share):
+    tables = {'south': (1.0, 0.5, 3.0, y), 'north': (1.0, y + width_m, 3.0, 2.5)}
+    grid = Grid(layout_of((0.1, 0.1), **tables), Walls(0.0, 0.0, 4.0, 3.5), 0.2)
+    across_m = y + NEEDED_M / 2 + share * (width_m - NEEDED_M)
+    points = np.column_stack([np.linspace(0.5, 3.5, 50), np.full(50, across_m)])
+    assert grid.are_free(points).all()
+    assert len(set(grid.regions_of(points))) == 1
 
 
 def test_room_counts_before_the_standoff_and_the_standoff_before_the_angle():
@@ -301,8 +317,8 @@ def test_a_line_is_in_sight_if_each_of_its_points_is_free():
     lines = [np.linspace(*line, 2000) for line in zip(starts, ends, strict=True)]
     rooms_m = [gaps_m(SHIPPED, line, SHIPPED_WALLS).min() - 0.2 for line in lines]
     are_in_sight = grid.are_in_sight(starts, ends)
-    assert all(room_m > 0.008 for room_m in itertools.compress(rooms_m, are_in_sight))
-    assert all(room_m < 0.012 for room_m in itertools.compress(rooms_m, ~are_in_sight))
+    assert min(itertools.compress(rooms_m, are_in_sight)) > SMALLEST_ROOM_M - 0.002
+    assert max(itertools.compress(rooms_m, ~are_in_sight)) < SMALLEST_ROOM_M + 0.002
     assert 5 < are_in_sight.sum() < 295
 
 
@@ -310,7 +326,8 @@ def test_a_large_greenhouse_has_larger_cells_and_says_what_they_may_miss():
     assert Grid(SHIPPED, SHIPPED_WALLS, 0.2).warning == ''
     grid = Grid(SHIPPED, Walls(0.0, 0.0, 40.0, 50.0), 0.2)
     assert grid.cell_m == pytest.approx(2 * CELL_M)
-    assert grid.warning == 'cells of 4.0 cm: passages of less than 0.46 m may be missed'
+    narrowest_m = NEEDED_M + 2 * CELL_M
+    assert grid.warning == f'cells of 4.0 cm: passages of less than {narrowest_m:.2f} m may be missed'
 
 
 def test_the_route_of_many_stops_is_hardly_longer_than_the_shortest():

@@ -108,7 +108,7 @@ def test_overrides_are_in_the_frame_that_their_file_names(poses_of, tmp_path):
         assert (exit_code, err.count("tag '99' is not in the layout")) == (0, 1)
     exit_code, out, err = poses_of(*words)
     assert (exit_code, out, err.count('\n')) == (2, '', 1)
-    assert 'frame is map: say with --layout-in-map where the layout lies in it' in err
+    assert 'frame is map: set --layout-in-map' in err
 
 
 def test_an_override_two_metres_from_its_tag_is_warned_of(poses_of, tmp_path):
@@ -138,7 +138,7 @@ def test_an_angle_of_one_degree_is_taken(poses_of):
         (['--clearance', '-1'], 'its clearance -1 m: must not be below 0'),
         (['--arrival-tolerance', '-1'], 'the arrival tolerance is -1 m: must be from 0 to 1 m'),
         (['--largest-standoff', '100'], 'the standoffs are 0.3, 0.5 and 100 m'),
-        (['--unknown', 'free'], '--unknown is about the cells of a map: name one with --map FILE'),
+        (['--unknown', 'free'], '--unknown needs a map'),
         (['--camera-offset', '0.3'], "the camera is 0.3 m ahead of the robot's centre: must be less than"),
         (['--camera-offset', '-0.3'], 'the camera is -0.3 m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),

@@ -13,7 +13,7 @@ import yaml
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_planning import approach_poses
-from lupin_planning.grid import FAR_M, Grid
+from lupin_planning.grid import FAR_M, SMALLEST_ROOM_M, Grid
 from lupin_planning.occupancy import OccupancyMap, read_map
 from lupin_planning.registration import Transform, write_transform
 from lupin_planning.walls import Walls
@@ -22,6 +22,7 @@ from PIL import Image
 BENCH = (1.0, 1.0, 3.0, 1.5)
 WALLS = ('--walls', '0', '0', '4', '3')
 CELL_M = 0.04
+NEEDED_M = 0.2 + SMALLEST_ROOM_M  # from the robot's centre to an obstacle
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -145,11 +146,11 @@ def test_a_tag_that_the_map_costs_is_unreachable(write_map, poses_of, grey):
     reason = 'the map has an obstacle or an unknown cell at each place from which the robot would see it'
     assert (exit_code, data['poses']) == (1, [])
     assert err.splitlines() == [
-        'approach_poses: without --layout-in-map, the map counts as one in the frame of the layout',
+        'approach_poses: without --layout-in-map, the map is taken to be in the frame of the layout',
         f"approach_poses: tag '7': {reason}",
     ]
     assert data['unreachable'] == [{'tag_id': '7', 'reason': reason}]
-    exit_code, data, _ = poses_of('--map', path, '--radius', '0.1', '--clearance', '0.02')
+    exit_code, data, _ = poses_of('--map', path, '--radius', 0.11 - SMALLEST_ROOM_M)
     assert (exit_code, data['poses'][0]['y']) == (0, pytest.approx(0.4, abs=0.02))
     exit_code, data, _ = poses_of('--map', path, '--unknown', 'free')
     assert (exit_code, bool(data['poses'])) == ((1, False) if grey == 0 else (0, True))
@@ -159,10 +160,9 @@ def test_a_tag_that_the_map_costs_is_unreachable(write_map, poses_of, grey):
 @pytest.mark.parametrize(
     ('door_m', 'start', 'seen'),
     [
-        # The robot needs 2 * (0.2 + 0.01) m between the wall and the end of the barrier.
-        (0.46, (2.0, 0.5), {'7', '8'}),
+        (2 * NEEDED_M + CELL_M, (2.0, 0.5), {'7', '8'}),
         (0.34, (2.0, 2.5), {'8'}),
-        (0.34, (2.0, 0.21), {'7'}),  # It stands 0.21 m from the wall, as on a dock.
+        (0.34, (2.0, NEEDED_M), {'7'}),  # It stands as near to the wall as it can, as on a dock.
         (0.34, None, {'7'}),
     ],
 )

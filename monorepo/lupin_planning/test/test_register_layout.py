@@ -36,6 +36,7 @@ CORNERS = [
     for sign_x, sign_y in ((1, 1), (-1, -1), (1, -1), (-1, 1))
 ]
 SPOT_M = {'a': (1.0, 1.0), 'b': (1.05, 1.0), 'c': (1.0, 1.05)}
+TWINS_M = dict.fromkeys('ab', (1.0, 1.0))
 METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
 TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
 
@@ -115,7 +116,8 @@ def test_two_tags_are_enough_and_their_residuals_must_be_within_the_tolerance():
     [
         (SQUARE_M, {}, 'position in the map: 0: at least 2 are needed'),
         (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
-        (SPOT_M, SPOT_M, 'the 3 tags that fit lie in one spot of the layout'),
+        ({**SPOT_M, 'far': (4.0, 3.0)}, SPOT_M, 'the expected error is'),
+        ({**TWINS_M, 'far': (4.0, 3.0)}, TWINS_M, 'the expected error is'),
         (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
     ],
 )

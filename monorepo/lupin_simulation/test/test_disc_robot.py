@@ -99,7 +99,7 @@ def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats
 
 def test_a_table_stops_a_robot_that_arrives_beside_its_goal():
     settings = {'arrival_error_m': 0.06, 'blocked': '0.0 1.0 1.0 1.5'}
-    found = arrivals(PoseInPlane(0.5, 0.79, 0.0), **settings)
+    found = arrivals(PoseInPlane(0.5, 0.77, 0.0), **settings)
     assert Settings(**settings).grid().are_free([each[:2] for each in found]).all()
     assert min(each.y for each in found) < 0.75  # the way from the table is free
-    assert max(each.y for each in found) > 0.79
+    assert max(each.y for each in found) > 0.77
