@@ -71,11 +71,7 @@ def _text_or_array(default: str, description: str) -> Any:
 
 @dataclass(frozen=True)
 class Settings:
-    """
-    The validated parameters of one run; raises StartUpError for an invalid value.
-
-    doc/interface.md describes each parameter in detail.
-    """
+    """The validated parameters of one run; raises StartUpError for an invalid value."""
 
     tag_sequence: str = _text_or_array(
         '', 'The tags to visit, in this order: "6 21 29", or an array; empty: all tags in natural order.'
@@ -83,7 +79,9 @@ class Settings:
     tag_locations_file: str = parameter(
         '', "The bridge's tag_locations.json; empty: ids from the bridge, positions from mdp-greenhouse."
     )
-    world_file: str = parameter('', 'An SDF world: its models tag_<id> are the tags with their positions.')
+    world_file: str = parameter(
+        '', 'An SDF world, without nav2: its models tag_<id> are the tags with their positions.'
+    )
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
     visual_confirmation_service: str = parameter('perception/confirm_tag', 'The ConfirmTag service.')
     require_visual_confirmation: bool = parameter(
@@ -97,7 +95,9 @@ class Settings:
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action.')
     nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
     nav_max_attempts: int = _count(2, 'How often the robot tries to drive to one pose, or to the dock.')
-    max_poses: int = _count(2, 'With nav2: the most poses that the robot tries at a tag.', largest=10)
+    max_poses: int = _count(
+        2, 'With nav2: the largest number of poses that the robot tries at a tag.', largest=10
+    )
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
     )
@@ -143,7 +143,7 @@ class Settings:
     scan_timeout_s: float = _seconds(5.0, 'Seconds to wait for each reply of the bridge.', smallest=0.001)
     visual_confirmation_timeout_s: float = _seconds(
         3.0,
-        'The mission waits this many seconds, plus 3, for each reply of ConfirmTag.',
+        'Seconds for the camera to look, more than it needs; the mission waits 3 s longer for its reply.',
         smallest=0.001,
     )
     max_attempts: int = _count(3, 'How many requests the mission sends to each service from one pose.')
@@ -166,7 +166,7 @@ class Settings:
     )
     estop_topic: str = parameter('/e_stop_state', 'A std_msgs/Bool topic: true stops the robot.')
     amcl_pose_topic: str = parameter(
-        'amcl_pose', "The robot's pose: the start of the plan, and the place of an unknown tag; empty: none."
+        'amcl_pose', "The robot's pose, with which a plan begins and each drive is checked; empty: none."
     )
     layout_in_map: str = parameter(
         '', 'The file of register_layout: where the layout lies in the map; empty: at the origin of the map.'
