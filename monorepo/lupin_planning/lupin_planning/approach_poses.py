@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, UsageError, escaped
 from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser
 from lupin_greenhouse_bridge.runtime.output import (
     Progress,
@@ -17,16 +17,17 @@ from lupin_greenhouse_bridge.runtime.output import (
     check_output_file,
     print_line,
 )
-from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 
 from lupin_planning.approach import Approaches, find_approaches
-from lupin_planning.occupancy import OccupancyMap, read_map
+from lupin_planning.occupancy import read_map
 from lupin_planning.overrides import read_overrides
+from lupin_planning.picture import check_ending, draw_route
 from lupin_planning.poses import PoseInPlane
 from lupin_planning.registration import Transform, read_registration
 from lupin_planning.route import ORDERS, Route, plan_route
 from lupin_planning.viewpoints import ViewingLimits
-from lupin_planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
+from lupin_planning.walls import add_wall_options, find_walls, warning_of_outside
 
 Poses = dict[str, Any]  # what `--format json` prints
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
@@ -77,7 +78,9 @@ def _compute(options: argparse.Namespace) -> Poses:
         if not options.layout_in_map:
             warnings.append('without --layout-in-map, the map is taken to be in the frame of the layout')
     if options.picture:
-        _check_picture(options.picture, occupancy)
+        map_files = occupancy.files if occupancy else ()
+        check_output_file(options.picture, '--picture', [('--map', path) for path in map_files])
+        check_ending(options.picture)
     start_m, end_m = (place and tuple(place) for place in (options.start, options.end))
     progress = Progress('approach_poses')
     try:
@@ -104,7 +107,7 @@ def _compute(options: argparse.Namespace) -> Poses:
     finally:
         progress.clear()
     if options.picture:
-        _draw(options.picture, layout, walls, approaches, route, occupancy)
+        draw_route(options.picture, layout, walls, approaches, route, occupancy)
         _warn(f'picture: {escaped(str(options.picture), 500)}')
     return _data_of(approaches, route, transform)
 
@@ -132,35 +135,6 @@ def _data_of(approaches: Approaches, route: Route, transform: Transform) -> Pose
         poses.append({'tag_id': tag_id, **{key: round(value, 6) + 0.0 for key, value in moved.items()}})
     unreachable = [{'tag_id': tag_id, 'reason': reason} for tag_id, reason in approaches.unreachable.items()]
     return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}
-
-
-def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:
-    """Raise a OneLineError if the picture cannot be written, before anything is computed."""
-    files_of_map = occupancy.files if occupancy else ()
-    check_output_file(path, '--picture', [('--map', file) for file in files_of_map])
-    try:
-        from lupin_planning.picture import picture_format
-
-        picture_format(path, '--picture')
-    except ImportError as error:
-        raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
-
-
-def _draw(
-    path: Path,
-    layout: Layout,
-    walls: Walls,
-    approaches: Approaches,
-    route: Route,
-    occupancy: OccupancyMap | None,
-) -> None:
-    from lupin_planning.picture import draw_route, picture_format, picture_of
-
-    figure = draw_route(layout, walls, approaches, route, occupancy)
-    try:
-        path.write_bytes(picture_of(figure, picture_format(path)))
-    except OSError as error:
-        raise StartUpError(f"--picture '{path}': {error.strerror}: name another file") from error
 
 
 def _as_table(data: Poses) -> str:

@@ -1,6 +1,5 @@
 """The picture of a route and its approach poses. Imports matplotlib only to draw, and never ROS."""
 
-import io
 import itertools
 import math
 import os
@@ -34,37 +33,30 @@ KEY: dict[str, Style] = {
 NUMBER: Style = {'boxstyle': 'circle,pad=0.2', 'facecolor': ROUTE, 'edgecolor': 'white'}
 
 
-def picture_format(path: Path, option: str = '--output') -> str:
-    """Return the format of the path's ending; raises StartUpError if matplotlib cannot write it."""
-    from matplotlib import backend_bases
-
-    ending = path.suffix[1:].lower()
-    if ending not in (endings := sorted(backend_bases.FigureCanvasBase.get_supported_filetypes())):
-        raise StartUpError(f"{option} '{path}': the ending must be one of {', '.join(endings)}")
-    return ending
-
-
-def picture_of(figure: Any, ending: str) -> bytes:
-    """Return a figure in a format; raises StartUpError if it cannot be drawn, as one that is too large."""
-    picture = io.BytesIO()
+def check_ending(path: Path) -> None:
+    """Raise StartUpError if matplotlib is missing, or cannot write pictures with the ending of this path."""
     try:
-        figure.savefig(picture, format=ending, dpi=DPI, bbox_inches='tight', pad_inches=0.15)
-    except ValueError as error:
-        raise StartUpError(f'the picture cannot be drawn: {error}') from error
-    return picture.getvalue()
+        from matplotlib import backend_bases
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
+    endings = sorted(backend_bases.FigureCanvasBase.get_supported_filetypes())
+    if path.suffix[1:].lower() not in endings:
+        raise StartUpError(f"--picture '{path}': the ending must be one of {', '.join(endings)}")
 
 
 def draw_route(
+    path: Path,
     layout: Layout,
     walls: Walls,
     approaches: Approaches,
     route: Route,
     occupancy: OccupancyMap | None = None,
-) -> Any:
+) -> None:
     """
-    Return a figure of the greenhouse, the route, the robot at its numbered stops, and the unreachable tags.
+    Write a picture of the greenhouse, the route, the robot at its numbered stops, and the unreachable tags.
 
     A map of the room, in the frame of the layout, lies beneath: its obstacles orange, its unknown parts grey.
+    Raises StartUpError if the file cannot be written.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Rectangle
@@ -104,7 +96,10 @@ def draw_route(
         axes.plot([], [], label=label, linestyle='', **style)
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.1), frameon=False, ncol=2)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect='equal')
-    return figure
+    try:
+        figure.savefig(path, dpi=DPI, bbox_inches='tight', pad_inches=0.15)
+    except OSError as error:
+        raise StartUpError(f"--picture '{path}': {error.strerror}: name another file") from error
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
