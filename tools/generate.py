@@ -35,8 +35,8 @@ COMMENTS['.rst'] = '.. {}\n\n'
 FIRST_LINES = re.compile(rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n)*')
 # How the mirror's README gets the mirror into a workspace: by its address, or without one from the monorepo.
 CLONE = 'git clone --branch ready {} ~/lupin_ws/src/lupin_greenhouse_ros'
-COPY = """cp -r lupin_greenhouse_ros ~/lupin_ws/src/  # from a clone of the monorepo, in its root
-rm ~/lupin_ws/src/lupin_greenhouse_ros/COLCON_IGNORE"""
+COPY = """cp -r lupin_greenhouse_ros ~/lupin_ws/src/  # from a clone of the monorepo, or where your copy is
+rm ~/lupin_ws/src/lupin_greenhouse_ros/COLCON_IGNORE  # hides this folder from colcon inside the monorepo"""
 CLONE_OR_COPY = re.compile(
     rb'^(git clone --branch ready .*|cp -r lupin_greenhouse_ros .*\nrm .*)$', re.MULTILINE
 )
