@@ -47,7 +47,7 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     layout_in_map: str = parameter(
-        '', 'The file of register_layout: where the layout lies in the map; empty: as perception tells.'
+        '', 'The file of register_layout: where the layout lies in the map; empty: no poses from the layout.'
     )
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."

@@ -38,7 +38,7 @@ MOST_ROWS = 50_000  # that wait in memory
 WRITE_EVERY_SECONDS = 0.5
 ERROR_EVERY_SECONDS = 10.0
 LAST_WAIT_SECONDS = 3.0  # at the end, for a file that another program locks
-TAG_FILE_UNKNOWN = 'the bridge has not told its tag_file'
+TAG_FILE_UNKNOWN = 'the bridge did not report its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
 
 

@@ -190,25 +190,25 @@ def bridge_with(**parameters):
         yield
 
 
-NOT_TOLD = 'the bridge has not told its tag_file: positions are those of mdp-greenhouse'
+NOT_REPORTED = 'the bridge did not report its tag_file: positions are those of mdp-greenhouse'
 
 
 def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, readings, file, write_layout, capfd):
     start_recorder()
     readings.publish(reading(0))
     wait_until(lambda: read_rows(file))
-    assert NOT_TOLD in capfd.readouterr().err
+    assert NOT_REPORTED in capfd.readouterr().err
     numbers = count(1)
     with bridge_with(tag_file=write_layout({'7': (9.0, 9.5)}), loaded_tag_ids=['7']):
         wait_until(lambda: readings.publish(reading(next(numbers))) or read_rows(file)[-1].x_m == 9.0)
-    assert NOT_TOLD not in capfd.readouterr().err  # once
+    assert NOT_REPORTED not in capfd.readouterr().err  # once
 
 
 @pytest.mark.parametrize(
     ('parameters', 'said'),
     [
         ({'tag_file': '/elsewhere/tags.json', 'loaded_tag_ids': ['7']}, "tag_file '/elsewhere/tags.json'"),
-        ({}, NOT_TOLD),
+        ({}, NOT_REPORTED),
     ],
 )
 def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, monkeypatch, parameters, said):
