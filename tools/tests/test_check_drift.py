@@ -99,6 +99,7 @@ def track(path):
 
 
 NEW, GONE = added(), Path.unlink
+DOCSTRING = '    """\n    Turn a path'  # of _config_path
 # heading, sides, file, change
 MUTANTS = [
     # bridge_node.py, beyond the one line
@@ -110,8 +111,8 @@ MUTANTS = [
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', f'    {PLAIN}\n    {PLAIN}\n')),
     (DIVERGENCE, 'both', NODE, replaced('def _config_path(', 'def _config_path(value):\n    pass\n\n\ndef _moved(')),
     (DIVERGENCE, 'mirror', NODE, replaced(f'    {PLAIN}\n', f'    {PLAIN}  # text\n')),
-    (DIVERGENCE, 'both', NODE, replaced('    """Turn a path', '    value = value.strip()\n    """Turn a path')),
-    (DIVERGENCE, 'both', NODE, replaced('    """Turn a path', '    value = 1\n    """Turn a path')),
+    (DIVERGENCE, 'both', NODE, replaced(DOCSTRING, f'    value = value.strip()\n{DOCSTRING}')),
+    (DIVERGENCE, 'both', NODE, replaced(DOCSTRING, f'    value = 1\n{DOCSTRING}')),
     (DIVERGENCE, 'both', NODE, replaced('def _config_path(', '@str\ndef _config_path(')),
     (DIVERGENCE, 'both', NODE, added('\n\n_config_path = str\n')),
     (DIVERGENCE, 'both', NODE, added('\n\nfrom builtins import str as _config_path\n')),
