@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
-from lupin_readings.report_line import Observation, Outcome
+from lupin_readings.report_line import Observation
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header, String
@@ -79,11 +79,11 @@ class Announcer:
             shown = ', '.join(f'{escaped(each, 40)} {value_text(each, values[each])}' for each in sensors)
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
             self._inform(f'{tag}{pose}: {shown}')
-        elif observation.outcome is Outcome.SKIPPED:  # the table has a line for each of them
+        elif message.status == ObservationMessage.STATUS_SKIPPED:  # the table has a line for each of them
             self.note(f'{tag}: {observation.outcome.value}: {observation.detail}', Severity.INFO)
         else:
             reason = f'{observation.outcome.value}: {escaped(observation.detail, 500)}'
-            is_scanned = observation.outcome is not Outcome.UNREACHABLE
+            is_scanned = message.status != ObservationMessage.STATUS_UNREACHABLE
             scan = f'scan failed after {observation.attempts} requests: ' if is_scanned else ''
             self.note(f'{tag}: {scan}{reason}', Severity.WARN)
             self._failure = self._event

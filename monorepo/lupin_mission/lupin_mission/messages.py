@@ -60,6 +60,11 @@ def reply_of(request: Request, response: Any) -> tuple[Outcome, str, Reading | N
     return Outcome.OK, '', Reading(message.tag_id, stamp, message.sim_time_of_day_seconds, values)
 
 
+def status_of(outcome: Outcome) -> int:
+    """Return the status of an Observation with this outcome, by which the mission counts, too."""
+    return int(STATUSES.get(outcome, ObservationMessage.STATUS_SCAN_FAILED))
+
+
 def observation_message(
     observation: Observation, mission_id: str, position: Point | None
 ) -> ObservationMessage:
@@ -73,7 +78,7 @@ def observation_message(
         kind=ObservationMessage.KIND_TAG_READING,
         mission_id=mission_id,
         source=MISSION_TYPE,
-        status=STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED),
+        status=status_of(observation.outcome),
         tag_pose_in_map=pose_at(position if observation.reading else None),
     )
     message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
@@ -116,9 +121,7 @@ def state_message(run: Run | None, lifecycle: str) -> MissionState:
     if run is None:
         return MissionState(lifecycle_state=lifecycle, battery_percentage=1.0)
     mission = run.mission
-    counts = Counter(mission.outcomes.values())
-    completed, skipped = counts[Outcome.OK], counts[Outcome.SKIPPED]
-    unreachable = counts[Outcome.UNREACHABLE]
+    counts = Counter(map(status_of, mission.outcomes.values()))
     return MissionState(
         mission_id=run.mission_id,
         mission_type=MISSION_TYPE,
@@ -126,10 +129,10 @@ def state_message(run: Run | None, lifecycle: str) -> MissionState:
         mission_phase=mission.phase,
         current_target=mission.target or '',
         targets_total=len(mission.tag_ids),
-        targets_completed=completed,
-        targets_skipped=skipped,
-        targets_unreachable=unreachable,
-        targets_failed=len(mission.outcomes) - completed - skipped - unreachable,
+        targets_completed=counts[ObservationMessage.STATUS_OK],
+        targets_skipped=counts[ObservationMessage.STATUS_SKIPPED],
+        targets_unreachable=counts[ObservationMessage.STATUS_UNREACHABLE],
+        targets_failed=counts[ObservationMessage.STATUS_SCAN_FAILED],
         paused=mission.is_paused,
         battery_percentage=1.0,
         started_at=run.started_at,

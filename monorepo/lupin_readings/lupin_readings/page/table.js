@@ -1,4 +1,4 @@
-// The table of the last readings. To add a column, add it to `columns`.
+// The table of the last readings. To add a column, add it to `columns`; ci/tests/test_page.py checks that it fits.
 import {
   address, clock, data, date, day_time, element, is_one_day, lost_of, MINUTE_MS, tags_in_table,
 } from './data.js';
@@ -12,8 +12,8 @@ const dates = [...new Set(last_stamps.map(date))], is_over_days = dates.length >
 const has_times = last_stamps.at(-1) - last_stamps[0] >= ONE_TIME_MS;
 const has_attempts = data.tags.some(tag => tag.attempts > data.fewest_attempts);
 
-// What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers; a phone shows what
-// is `aside` at the right.
+// What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers, and only columns that
+// are `of_failed`. A phone shows what is `aside` at the right.
 const columns = [
   { name: 'tag', key: tag => tag.number },
   ...data.sensors.map((sensor, n) => ({
@@ -26,7 +26,7 @@ const columns = [
   ...data.is_of_several_times ? [{
     name: 'time\u00a0of\u00a0day', is_aside: true, unit: 'greenhouse', key: tag => tag.time_of_day, text: day_time,
   }] : [],
-  ...has_attempts ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
+  ...has_attempts ? [{ name: 'attempts', is_aside: true, is_of_failed: true, key: tag => tag.attempts, text: String }] : [],
 ];
 const asides = columns.filter(column => column.is_aside);
 
@@ -39,7 +39,7 @@ export function write_table() {
   element('aside').hidden = asides.length !== 1;
   const [{ name, unit } = {}] = asides;
   element('aside').lastChild.textContent = [name, unit].filter(Boolean).join(', ');
-  table.classList.toggle('timed', asides.length === 1 && !is_over_days);  // a phone shows it on the first line
+  table.classList.toggle('timed', asides.length > 0 && !is_over_days);  // a phone shows them beside the values
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
   data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
@@ -71,13 +71,14 @@ function write_head_of(head, column) {
 function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
-  const shown = columns.filter(({ name }, n) => n && (tag.outcome === 'read' || name === 'attempts'));
-  const lost = lost_of(tag), told = tag.outcome + (lost && `: ${lost} not read`);
-  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, told);
-  for (const { name, unit, key, text, is_aside } of shown) {
+  const is_read = tag.outcome === 'read', of_failed = columns.findIndex(column => column.is_of_failed);
+  const first = is_read ? 1 : of_failed < 0 ? columns.length : of_failed, lost = lost_of(tag);
+  if (!is_read) mark(tag.row, 'td', { colspan: first - 1 }, tag.outcome + (lost && `: ${lost} not read`));
+  for (const { name, unit, key, text, is_aside, is_of_failed } of columns.slice(first)) {
     const cell = is_aside ? { class: 'number aside', 'data-name': asides.length > 1 ? name : '' }
       : { class: 'number', 'data-name': name, 'data-unit': unit };
-    mark(tag.row, 'td', cell, key(tag) === null ? '' : text(key(tag)));
+    const is_shown = (is_read || is_of_failed) && key(tag) !== null;
+    mark(tag.row, 'td', cell, is_shown ? text(key(tag)) : '');
   }
   tag.row.addEventListener('click', () => choose(tag));
 }
@@ -109,12 +110,13 @@ export function write_tags(line, { word, reason, tags, more }, name) {
   if (code) mark(line, 'small', {}, code.replaceAll(' ', '\u00a0')).before(' ');
 }
 
-// Gaps are equal, and names of two words take two lines in the head of the table only if they must.
+// Gaps are equal. Only if the columns do not fit, names of two words take two lines, and then the text is smaller.
 export function fit_table() {
   const table = document.querySelector('table'), frame = table.parentNode;
-  table.classList.remove('narrow');
+  table.classList.remove('narrow', 'narrowest');
   table.style = 'width: max-content';
-  const spare = frame.clientWidth - table.getBoundingClientRect().width;
-  table.style = `--gap: ${Math.max(Math.floor(spare / (columns.length - 1)), 0)}px`;
-  table.classList.toggle('narrow', spare < 0);
+  const spare = () => frame.clientWidth - table.getBoundingClientRect().width;
+  if (spare() < 0) table.classList.add('narrow');
+  if (spare() < 0) table.classList.add('narrowest');
+  table.style = `--gap: ${Math.max(Math.floor(spare() / (columns.length - 1)), 0)}px`;
 }
