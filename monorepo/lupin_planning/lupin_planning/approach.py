@@ -106,7 +106,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         shown = f"tag '{escaped(tag_id, 64)}'"
         if view.problem:
             found.warnings.append(f'{shown}: the camera cannot see it from its override: {view.problem}')
-        room_m = scene.rooms_m(np.array([found.poses[tag_id]]))[0]
+        (room_m,) = grid.rooms_m(found.poses[tag_id][:2])
         if room_m < limits.clearance_m - EQUAL_M:
             found.room_warnings[tag_id] = (
                 f"{shown}: its pose has {room_m:.3f} m of room beyond the robot's radius, less than the"
@@ -156,12 +156,14 @@ class _Scene(NamedTuple):
             poses = np.array([pose])
             if not problem and self.are_hidden(poses, tag).any():
                 problem = 'a table hides it'
-            by_region = self.by_region(self.free_of(poses))
+            by_region = self.by_region(poses[self.grid.are_free(poses[:, :2])])
             return _View(by_region, f'no place for {robot} at its override', problem)
         candidates = find_candidates(tag, limits)
-        free = self.free_of(candidates)
-        free = free[best_first(free, self.rooms_m(free), limits)]
-        if len(free):
+        rooms_m = self.grid.rooms_m(candidates[:, :2])
+        is_free = rooms_m >= 0.0
+        if is_free.any():
+            free = candidates[is_free]
+            free = free[best_first(free, rooms_m[is_free], limits)]
             seeing = free[~self.are_hidden(free, tag)]
             return _View(self.by_region(seeing), 'tables hide it wherever the robot has a place')
         if self.has_map_obstacle(candidates):
@@ -170,22 +172,15 @@ class _Scene(NamedTuple):
         angle = f'{math.degrees(limits.largest_angle_rad):g}°'
         return _View({}, f'no place for {robot} within {limits.largest_standoff_m:g} m and {angle}')
 
-    def free_of(self, poses: np.ndarray) -> np.ndarray:
-        """Return the poses where the robot has a place."""
-        return np.asarray(poses[self.grid.are_free(poses[:, :2])])
-
-    def rooms_m(self, poses: np.ndarray) -> np.ndarray:
-        """Return the distance from each pose to the nearest obstacle, less the robot's radius."""
-        return self.grid.obstacle_distances_m(poses[:, :2]) - self.limits.robot_radius_m
-
     def are_hidden(self, poses: np.ndarray, tag: TagPose) -> np.ndarray:
         """Return whether a table hides the tag at each pose."""
         return are_hidden(cameras_at(poses, self.limits), tag, self.tables, self.walls)
 
     def has_map_obstacle(self, poses: np.ndarray) -> bool:
-        """Return whether only the map takes the room at one of the poses."""
-        rooms_m = self.grid.layout_distances_m(poses[:, :2]) - self.limits.robot_radius_m
-        return bool(((rooms_m >= SMALLEST_ROOM_M) & (self.rooms_m(poses) < SMALLEST_ROOM_M)).any())
+        """Return whether the robot would have room at one of the poses without the map."""
+        needed_m = self.limits.robot_radius_m + SMALLEST_ROOM_M
+        has_room = self.grid.layout_distances_m(poses[:, :2]) >= needed_m
+        return bool((has_room & (self.grid.obstacle_distances_m(poses[:, :2]) < needed_m)).any())
 
     def by_region(self, poses: np.ndarray) -> dict[int, list[ApproachPose]]:
         """Return the best of the poses in each region, and its alternatives."""

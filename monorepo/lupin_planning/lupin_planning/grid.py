@@ -101,12 +101,17 @@ class Grid:
         in_map_m = self._interpolated(self._map_distances_m, points)
         return np.asarray(np.minimum(self.layout_distances_m(points), in_map_m))
 
+    def rooms_m(self, points: ArrayLike) -> np.ndarray:
+        """Return the room beyond the robot's radius at points (points, 2); -inf where it cannot be."""
+        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        away_m = self.obstacle_distances_m(points)
+        offsets_m = np.abs(self._centres(self._nearest(points)) - points).max(axis=1)
+        is_free = (away_m >= self._needed_m - EQUAL_M) & (offsets_m <= 1.5 * self.cell_m)
+        return np.where(is_free, away_m - self.robot_radius_m, -np.inf)
+
     def are_free(self, points: ArrayLike) -> Flags:
         """Return for each point (points, 2) whether the robot's centre can be there."""
-        points = np.asarray(points, dtype=float).reshape(-1, 2)
-        offsets_m = np.abs(self._centres(self._nearest(points)) - points).max(axis=1)
-        has_room = self.obstacle_distances_m(points) >= self._needed_m - EQUAL_M
-        return np.asarray(has_room & (offsets_m <= 1.5 * self.cell_m))
+        return self.rooms_m(points) >= 0.0
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether the robot's centre can be at this point."""
