@@ -23,7 +23,7 @@ CAMERA = 'require_visual_confirmation'
 
 
 def generate_launch_description():
-    """Include each node with its own arguments; the end of one, of the mission above all, ends them all."""
+    """Include each node with its own arguments. When one node ends, such as the mission, all end."""
     return LaunchDescription(
         [
             RegisterEventHandler(
@@ -41,7 +41,7 @@ def generate_launch_description():
 
 
 def _included(package: str, launch_file: str, condition=None, **arguments: str) -> GroupAction:
-    """Return a launch file whose defaults are its own: they do not reach the nodes that follow."""
+    """Return a launch file in its own scope, so that its defaults do not reach the later nodes."""
     path = PathJoinSubstitution([FindPackageShare(package), 'launch', launch_file])
     source = PythonLaunchDescriptionSource(path)
     included = IncludeLaunchDescription(source, launch_arguments=arguments.items())

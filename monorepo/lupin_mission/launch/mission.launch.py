@@ -6,7 +6,7 @@ from lupin_mission.settings import WITHOUT_EFFECT, Settings
 
 
 def generate_launch_description():
-    """Take each parameter of the node as an argument, and what every node takes."""
+    """Start the node. Each of its parameters is an argument of the launch file."""
     mission = node_with_arguments(
         Settings,
         has_sim_time=True,

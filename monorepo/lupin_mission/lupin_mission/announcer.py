@@ -39,16 +39,16 @@ class Announcer:
         self._progress = ProgressLine(sys.stdout)
         self._event, self._severity = 'the node has started', Severity.INFO
         self._obstacle = ''  # what stops or delays the mission now
-        self._failure = ''  # of the last tag that was not read
+        self._failure = ''  # why the last failed tag was not read
 
     def note(self, event: str, severity: Severity, code: str = '') -> None:
-        """Put an event into the state, and log it unless it is routine: then the mission goes on."""
+        """Put an event into the state, and log it unless it is routine, with the severity INFO."""
         self._event, self._severity = escaped(event, 1000), severity
         self._obstacle = '' if severity is Severity.INFO else code or self._event
         if severity is Severity.INFO:
             return
         self._progress.clear()
-        # rclpy ties a severity to the line of the call.
+        # rclpy allows only one severity for each line that logs.
         if severity is Severity.WARN:
             self._node.get_logger().warning(self._event)
         else:
@@ -76,10 +76,10 @@ class Announcer:
             self._readings.publish(message.tag_reading)
             values = observation.reading.values
             sensors = sorted(values, key=sensor_order)
-            shown = ', '.join(f'{escaped(each, 40)} {value_text(each, values[each])}' for each in sensors)
+            shown = ', '.join(f'{escaped(name, 40)} {value_text(name, values[name])}' for name in sensors)
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
             self._inform(f'{tag}{pose}: {shown}')
-        elif message.status == ObservationMessage.STATUS_SKIPPED:  # the table has a line for each of them
+        elif message.status == ObservationMessage.STATUS_SKIPPED:  # the final table lists every skipped tag
             self.note(f'{tag}: {observation.outcome.value}: {observation.detail}', Severity.INFO)
         else:
             reason = f'{observation.outcome.value}: {escaped(observation.detail, 500)}'

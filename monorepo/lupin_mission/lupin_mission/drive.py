@@ -11,8 +11,8 @@ class Arrival(NamedTuple):
     The end of a drive. `failure` is the reason why the robot is not at its goal, or '' if it is.
 
     If the failure is final, another attempt would fail too. If it needs a person, the mission keeps the tag,
-    and pauses until somebody resumes it; `code` is the team's for the reason. A robot is stuck if it hardly
-    moved. `miss` tells how far from its goal a drive has ended that succeeded elsewhere, or is ''.
+    and pauses until somebody resumes it; `code` is the team's code for the reason. A robot is stuck if it
+    hardly moved. If the drive succeeded too far from its goal, `miss` is that distance; otherwise it is ''.
     """
 
     failure: str = ''
@@ -60,11 +60,11 @@ class Drive(ABC):
         return None
 
     def close(self) -> None:  # noqa: B027
-        """Release what the drive has of its node. Nothing may spin the node then."""
+        """Release the ROS client of the drive. Nothing may spin the node during this call."""
 
 
 class SimulatedDrive(Drive):
-    """Does not move a robot. A drive to any goal takes the same time; with 0 s, it ends immediately."""
+    """Moves no robot. Each drive takes the same time; with 0 s, it ends immediately."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds

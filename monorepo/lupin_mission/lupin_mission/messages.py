@@ -39,29 +39,31 @@ class Run:
 
     mission_id: str
     mission: Mission
-    tag_ids: list[str]  # those that were read before, too
-    observations: list[Observation]  # of this run, and of those that its report had before
+    tag_ids: list[str]  # includes the tags that were read before
+    observations: list[Observation]  # includes those that the report had before
     started_at: Time
     is_planning: bool = True
     fault: str = ''  # why the report is lost
 
 
 def reply_of(request: Request, response: Any) -> tuple[Outcome, str, Reading | None]:
-    """Return what Mission.on_reply() takes from the response to a request."""
+    """Return the outcome, the detail and the reading in a response, for Mission.on_reply()."""
+    tag = f'tag {request.tag_id}: '  # A reply may start with it, and the mission's messages name the tag too.
     if request.service is Service.CONFIRM:
-        return Outcome.OK if response.detected else Outcome.NOT_CONFIRMED, response.error_message, None
+        outcome = Outcome.OK if response.detected else Outcome.NOT_CONFIRMED
+        return outcome, response.error_message.removeprefix(tag), None
     answer = answer_of(request.tag_id, response)
     if answer.reading is None:
         outcome = Outcome.__members__.get(answer.status, Outcome.BAD_READING)
-        return outcome, answer.error_message, None
+        return outcome, answer.error_message.removeprefix(tag), None
     message = answer.reading
-    values = {each.name: each.value for each in message.readings}
+    values = {sensor.name: sensor.value for sensor in message.readings}
     stamp = message.stamp.sec, message.stamp.nanosec
     return Outcome.OK, '', Reading(message.tag_id, stamp, message.sim_time_of_day_seconds, values)
 
 
 def status_of(outcome: Outcome) -> int:
-    """Return the status of an Observation with this outcome, by which the mission counts, too."""
+    """Return the status of an Observation with this outcome. The counts of MissionState use it too."""
     return int(STATUSES.get(outcome, ObservationMessage.STATUS_SCAN_FAILED))
 
 
@@ -71,8 +73,8 @@ def observation_message(
     """
     Return the message for the observation of one tag, without its header.
 
-    Only a tag that was read gets a reading and, if its position in the map is known, a pose: the team's nodes
-    assume that a tag was inspected if its id is in a reading.
+    Only a tag that was read gets a reading and, if its position in the map is known, a pose. The team's nodes
+    assume that a tag was inspected if a reading has its id.
     """
     message = ObservationMessage(
         kind=ObservationMessage.KIND_TAG_READING,
@@ -87,9 +89,8 @@ def observation_message(
         message.status_detail = '; '.join(filter(None, (pose, observation.detail)))
         message.tag_reading = tag_reading_message(observation.reading)
     else:
-        tag = f'tag {observation.tag_id}: '
-        detail = observation.detail.removeprefix(tag)  # The camera's reply begins with the tag too.
-        message.status_detail = f'{tag}{observation.outcome.value}: {detail}'
+        outcome = observation.outcome.value
+        message.status_detail = f'tag {observation.tag_id}: {outcome}: {observation.detail}'
     return message
 
 
@@ -105,12 +106,12 @@ def tag_reading_message(reading: Reading) -> TagReading:
 
 
 def pose_at(position: Point | None) -> Pose:
-    """Return the pose at a position, without a direction; w = 0 marks it as unset, where rosidl has 1."""
+    """Return a pose at a position, without a direction. An unset pose has w = 0; the default of ROS is 1."""
     return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
 def lifecycle_of(run: Run | None, *, has_tags: bool) -> str:
-    """Return the lifecycle_state of MissionState, which decides how the node replies, too."""
+    """Return the lifecycle_state of MissionState. The replies of the node depend on it too."""
     if run is None:
         return 'READY' if has_tags else 'BOOT'
     return 'FAULT' if run.fault else LIFECYCLE_STATES[run.mission.state]

@@ -50,13 +50,13 @@ class MissionPorts(Protocol):
         """Start a request without waiting. The reply arrives by on_reply()."""
 
     def abandon(self, request: Request) -> Outcome:
-        """Give up a request; return TIMEOUT, or NO_SERVICE if the service was never available."""
+        """Give up a request; return TIMEOUT, or NO_SERVICE if the service was not available."""
 
     def record(self, observation: Observation) -> None:
         """Store an observation permanently."""
 
     def note(self, event: str, severity: Severity, code: str = '') -> None:
-        """Report an event in one line; the code is the team's for what stops or delays the mission."""
+        """Report an event in one line; `code` is the team's code for what stops or delays the mission."""
 
 
 class Mission:
@@ -81,7 +81,7 @@ class Mission:
         self._drive = drive
         self._settings = settings
         self._now = 0.0
-        self._active_seconds = 0.0  # This clock stops during a pause. All but the timeouts use it.
+        self._active_seconds = 0.0  # This clock stops during a pause. Only the timeouts do not use it.
         self._to_visit = deque(map(Visit, self.tag_ids))
         self._visit = Visit('')
         self._dwell_end = 0.0
@@ -136,7 +136,7 @@ class Mission:
             act()
 
     def _due_action(self) -> Callable[[], None] | None:
-        """Return what is to be done now; None if the mission waits for the time, the robot or a reply."""
+        """Return the next action; None while the mission waits for a time, the robot or a reply."""
         if self.state is State.DONE or self._request:
             return None
         if self.state in (State.PREPARE, State.DOCKED):
@@ -199,7 +199,7 @@ class Mission:
             self._tag_held_for_stuck_drives = self._visit.tag_id
             self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
         elif arrival.failure and not (is_last or arrival.is_final):
-            event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
+            event = f'the drive to {self._goal} failed, trying again: {arrival.failure}'
             self._ports.note(event, Severity.WARN)
             self._attempts.try_again(self._active_seconds)
         elif self.state is not State.DRIVING:
@@ -226,7 +226,7 @@ class Mission:
         self._turn_to(Phase.CONFIRMING if has_camera else Phase.SCANNING)
 
     def _is_stuck_at_new_tag(self) -> bool:
-        """Return whether to hold for stuck drives. The second time at a tag, the goal is at fault."""
+        """Return whether to hold for stuck drives. A second time at the same tag, its goal is the problem."""
         is_new = self._visit.tag_id != self._tag_held_for_stuck_drives
         return self.state is State.DRIVING and is_new and self._stuck_drives >= STUCK_DRIVES
 
@@ -254,8 +254,8 @@ class Mission:
         count = self._drive.count_poses(visit.tag_id)
         if visit.pose >= count:
             return False
-        event = f'tag {visit.tag_id!r}: {outcome.value} {detail}: trying pose {visit.pose + 1} of {count}'
-        self._ports.note(event, Severity.WARN)
+        next_pose = f'trying pose {visit.pose + 1} of {count}'
+        self._ports.note(f'tag {visit.tag_id!r}: {outcome.value}, {next_pose}: {detail}', Severity.WARN)
         visit.failures.append(detail)
         visit.pose += 1
         self._depart(State.DRIVING)
@@ -266,7 +266,7 @@ class Mission:
         self.is_paused = False
         self._ports.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
-    # What people ask of the mission
+    # The commands of people
 
     def pause(self) -> bool:
         """Stop driving, sending requests and dwelling; return False if already paused, or done."""
@@ -397,7 +397,7 @@ class Mission:
         """
         Accept the reply to a request; return False if it is no longer pending.
 
-        OK means that the camera sees the tag, or that the bridge sends this reading, which has been judged.
+        OK means that the camera sees the tag, or that the bridge has sent this reading, and it is valid.
         """
         if request is not self._request:
             return False
@@ -418,7 +418,7 @@ class Mission:
         is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts.count >= self._settings.max_attempts
         if not is_last:
             code = DEPENDENCY_TIMEOUT if outcome in NO_REPLY else ''
-            self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN, code)
+            self._ports.note(f'tag {tag_id!r}: {outcome.value}, trying again: {detail}', Severity.WARN, code)
             self._attempts.try_again(self._active_seconds)
         elif outcome is not Outcome.NOT_CONFIRMED or not self._try_next_pose(outcome, detail):
             self.mark_scan_failed(tag_id, outcome, detail)

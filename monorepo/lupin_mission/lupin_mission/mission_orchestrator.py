@@ -119,7 +119,7 @@ class MissionNode(Node):
         return self.current.mission if self.current else None
 
     def is_done(self) -> bool:
-        """Return True once a mission that was not started by a call is done."""
+        """Return True once a mission that started without a call is done."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
         return is_over and not self._settings.wait_for_start
 
@@ -148,7 +148,7 @@ class MissionNode(Node):
         self._announcer.wait_for_subscribers()
 
     def _stop_robot(self, executor: Executor) -> None:
-        """Give up the drive, and wait for its end. farewell() and destroy_node() share the timeout."""
+        """Stop the drive, and wait until it has ended. farewell() and destroy_node() share the timeout."""
         self._is_ending = True
         self._drive.stop()
         if self._stop_deadline is None:
@@ -157,7 +157,7 @@ class MissionNode(Node):
             executor.spin_once(timeout_sec=STEP_SECONDS)
 
     def destroy_node(self) -> None:
-        """Stop the robot, whatever ended the mission, and close the report, so that it can be continued."""
+        """Stop the robot, and close the report, so that another mission can continue it."""
         if not self._drive.is_over():
             executor = SingleThreadedExecutor(context=self.context)  # The executor of run() is closed.
             executor.add_node(self)
@@ -176,14 +176,14 @@ class MissionNode(Node):
     # The mission
 
     def _on_tags(self) -> None:
-        """Start the mission once it has a subscriber, unless it waits for mission/start."""
+        """Schedule the start of the mission, unless it waits for mission/start."""
         self.note(f'{pluralized(len(self._chosen_ids()), "tag")} known', Severity.INFO)
         self._on_tag_positions()
         if not self._settings.wait_for_start:
             self._deadline_for_subscriber = time.monotonic() + self._settings.dependency_timeout_s
 
     def _begin_when_heard(self, deadline: float) -> None:
-        """Start the mission, unless it waits for a subscriber of its readings until this time."""
+        """Start the mission when its readings have a subscriber, or at the deadline."""
         if self._settings.wait_for_subscriber and not self._announcer.is_heard():
             if time.monotonic() < deadline:
                 return
@@ -194,7 +194,7 @@ class MissionNode(Node):
             self.executor.create_task(self._plan_and_begin, self._new_mission_id(), self._chosen_ids())
 
     def _on_tag_positions(self) -> None:
-        """Plan the drives: the first plan shows early what is wrong with the settings."""
+        """Plan the drives once, so that wrong settings are reported early."""
         self._positions.in_layout = self._tags.positions_m
         if self._settings.has_poses_in_map and not self._tags.positions_m:
             event = "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
@@ -216,7 +216,9 @@ class MissionNode(Node):
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str]) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
         before = self.current
-        is_continued = not self._settings.wait_for_start  # The report of each later mission is a new one.
+        is_continued = (
+            not self._settings.wait_for_start
+        )  # With wait_for_start, each mission has its own report.
         observations = list(self._report.observations) if self._report and is_continued else []
         read_before = read_tags(observations)
         to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
@@ -236,7 +238,7 @@ class MissionNode(Node):
             self.current = before
             raise
         run.is_planning = False
-        if mission.state is State.DONE:  # somebody has aborted it while it was planned
+        if mission.state is State.DONE:  # It was aborted during the planning.
             return
         count = f'{pluralized(len(to_visit), "tag")} to visit, {len(tag_ids) - len(to_visit)} read before'
         self._announcer.begin_anew(f'{count}; report: {self._report.path if self._report else "none"}')
@@ -252,7 +254,7 @@ class MissionNode(Node):
         mission.reorder(plan.result().tag_ids)
 
     def _robot_m(self) -> Place | None:
-        """Return where the robot is in the map, as its localization or the last drive has told."""
+        """Return the robot's x and y in the map, from its localization or from the last drive."""
         if robot := self._positions.robot_position:
             return robot.x, robot.y
         return self._drive.position_m()
@@ -297,7 +299,7 @@ class MissionNode(Node):
         self._step()
 
     def record(self, observation: Observation) -> None:
-        """Publish an observation, then write it to the report; the next step ends a mission without one."""
+        """Publish an observation and write it to the report. The next step ends a mission if this fails."""
         run = self.current
         if run is None:
             return
@@ -326,14 +328,14 @@ class MissionNode(Node):
         """Report an event."""
         self._announcer.note(event, severity, code)
 
-    # What people ask of the mission
+    # The commands of people
 
     def _on_estop(self, message: Bool) -> None:
         """Stop the robot immediately; after a release, it does not move until resume()."""
         if message.data == self._is_estop_engaged:
             return
         self._is_estop_engaged = message.data
-        # The note follows the pause, which is an event too.
+        # This note comes after the pause, which reports an event too.
         if message.data:
             if self.mission:
                 self.mission.engage_estop()
@@ -342,8 +344,8 @@ class MissionNode(Node):
         if self.mission:
             self.mission.release_estop()
         is_paused = bool(self.mission and self.mission.is_paused)
-        what_next = ': call mission/resume to go on' if is_paused else ''
-        self.note(f'e-stop released{what_next}', Severity.WARN if is_paused else Severity.INFO)
+        next_step = ': call mission/resume to go on' if is_paused else ''
+        self.note(f'e-stop released{next_step}', Severity.WARN if is_paused else Severity.INFO)
 
     def _trigger(
         self, operate: Callable[[Mission], bool], _request: Trigger.Request, response: Trigger.Response
@@ -372,8 +374,8 @@ class MissionNode(Node):
         return response
 
     def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Forget a mission whose report is lost, so that the state is READY again."""
-        self._step()  # It ends such a mission.
+        """Forget a mission that has lost its report, so that the state is READY again."""
+        self._step()  # This ends a mission that has lost its report.
         run = self.current
         if self._settings.wait_for_start and run and run.fault and run.mission.state is State.DONE:
             self.current = None
@@ -385,7 +387,7 @@ class MissionNode(Node):
     async def _start(
         self, request: StartMission.Request, response: StartMission.Response
     ) -> StartMission.Response:
-        self._step()  # It ends a mission whose report is lost.
+        self._step()  # This ends a mission that has lost its report.
         mission_id = self._new_mission_id()
         reason = self._reason_against(request)
         if not reason:
@@ -421,7 +423,7 @@ class MissionNode(Node):
             (unknown, f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"),
             (len(set(sequence)) < len(sequence), TAG_TWICE),
         )
-        return next((reason for is_so, reason in reasons if is_so), '')
+        return next((reason for applies, reason in reasons if applies), '')
 
 
 def main(args: list[str] | None = None) -> int:

@@ -81,9 +81,9 @@ class Nav2Drive(Drive):
         self._goal: Any = None
         self._reason_without_goal = ''
         self._sent: SentGoal | None = None
-        self._position_m: tuple[float, float] | None = None  # at the end of the drives before
+        self._position_m: tuple[float, float] | None = None  # at the end of the previous drive
         self._not_over: list[SentGoal] = []
-        self._waiting_since: float | None = None  # for a server that accepts the goal; None after a pause
+        self._waiting_since: float | None = None  # when the wait for a server began; None after a pause
         self._has_warned_of_server = self._has_warned_of_frame = False
 
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
@@ -118,7 +118,7 @@ class Nav2Drive(Drive):
         waited_seconds = now_seconds - self._waiting_since
         is_free = self.is_over() or waited_seconds >= LONGEST_END_SECONDS
         sent = self._sent
-        # A robot that was there at the moment of a pause need not go again.
+        # A robot that had arrived when the pause began need not drive again.
         if sent is None or (sent.is_given_up and not sent.has_succeeded()):
             return self._send_when_ready(now_seconds, waited_seconds, is_free)
         if sent.state is GoalState.REJECTED:
@@ -159,7 +159,7 @@ class Nav2Drive(Drive):
         return None
 
     def _failure_under_way(self, sent: SentGoal, elapsed_seconds: float) -> str:
-        """Return why the drive has failed without a word of its server; '' if it has not."""
+        """Return why the drive has failed although its server reported nothing; '' if it has not."""
         servers = self._servers()
         has_gone = not self._client.server_is_ready()
         if has_gone or (sent.servers and servers - sent.servers):
@@ -175,12 +175,12 @@ class Nav2Drive(Drive):
         return f'the robot did not arrive within {limit_seconds:g} s' if is_late else ''
 
     def _servers(self) -> set[bytes]:
-        """Return an id of each server; one that starts again under the same name has another id."""
+        """Return the id of each server. A restarted server has a new id."""
         publishers = self._node.get_publishers_info_by_topic(self._status_topic)
-        return {bytes(each.endpoint_gid) for each in publishers}
+        return {bytes(publisher.endpoint_gid) for publisher in publishers}
 
     def _after_end(self, sent: SentGoal, now_seconds: float) -> Arrival | None:
-        """Return how a goal ended. After a failure its status tells, too, whose goal the robot has now."""
+        """Return how a goal ended. After a failure, the action's status also shows goals of other clients."""
         if sent.ended_at_seconds is None:
             sent.ended_at_seconds = now_seconds
         is_recent = now_seconds - sent.ended_at_seconds < STATUS_SECONDS
@@ -196,9 +196,9 @@ class Nav2Drive(Drive):
 
     def _miss(self, sent: SentGoal) -> str:
         """
-        Return how far from its goal the robot stands; '' if it is there, or if no pose tells.
+        Return how far the robot is from its goal; '' if it is there, or if its pose is unknown.
 
-        Nav2's planner leads to the nearest free cell within its tolerance, and Nav2 reports success there.
+        Nav2 also reports success at the nearest free cell within the tolerance of its planner.
         """
         if sent.pose is None:
             return ''
@@ -224,7 +224,7 @@ class Nav2Drive(Drive):
 
     def _on_statuses(self, message: GoalStatusArray) -> None:
         self._status_by_goal_id = {
-            bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list
+            bytes(status.goal_info.goal_id.uuid): status.status for status in message.status_list
         }
 
     def _warn_once(self, event: str) -> None:
@@ -253,13 +253,13 @@ class Nav2Drive(Drive):
 
     def is_over(self) -> bool:
         """
-        Return whether every sent goal has ended; a goal whose server has gone counts as ended.
+        Handle the replies that have arrived; return whether every sent goal has ended.
 
-        This takes the replies that have arrived.
+        Without a server, all goals count as ended.
         """
-        for each in self._not_over:
-            each.update()
-        self._not_over = [each for each in self._not_over if not each.is_over()]
+        for goal in self._not_over:
+            goal.update()
+        self._not_over = [goal for goal in self._not_over if not goal.is_over()]
         return not (self._not_over and self._client.server_is_ready())
 
     def position_m(self) -> tuple[float, float] | None:
@@ -268,7 +268,7 @@ class Nav2Drive(Drive):
         return pose_in_plane(pose.pose)[:2] if pose else self._position_m
 
     def close(self) -> None:
-        """Destroy the client: rclpy does not do it with the node, which then would stay on the graph."""
+        """Destroy the client. rclpy does not do this with the node, which would then stay on the graph."""
         self._client.destroy()
 
 

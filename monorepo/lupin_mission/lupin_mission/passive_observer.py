@@ -1,7 +1,7 @@
 """
 ROS 2 node `passive_observer`: turns the readings of read_on_sight into observations.
 
-It is silent while a mission runs, which publishes observations of its own.
+It publishes nothing during a mission, because the mission publishes its own observations.
 
     ros2 run lupin_mission passive_observer --ros-args -p layout_in_map:=layout_in_map.yaml
 """
@@ -30,7 +30,7 @@ from lupin_mission.tag_positions import TagPositions
 NODE_NAME = 'passive_observer'
 SOURCE = 'PassiveObserver'
 BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
-# Arguments of the team's observer, which asks the bridge by itself: here read_on_sight does.
+# Arguments of the team's observer, which calls the bridge itself. Here, read_on_sight calls it.
 WITHOUT_EFFECT = (
     'bridge_service_name',
     'discovered_tags_topic',
@@ -96,7 +96,7 @@ class PassiveObserver(Node):
         self._lifecycle_state = message.lifecycle_state
 
     def _on_reading(self, reading: TagReading) -> None:
-        has_mission = self.count_publishers(self._states.topic_name) > 0  # A crashed one publishes no more.
+        has_mission = self.count_publishers(self._states.topic_name) > 0  # A crashed mission has none.
         if has_mission and self._lifecycle_state in BUSY_STATES:
             return
         if fault := fault_of_reading(reading):

@@ -57,7 +57,7 @@ class Plan:
 
     def goal_in_layout_m(self, tag_id: str, pose: int) -> Place | None:
         """Return where the robot stands at a pose of a tag, in the layout; None without this pose."""
-        goals = self.goals.get(tag_id, [])[pose - 1 : pose]  # a new plan can have fewer
+        goals = self.goals.get(tag_id, [])[pose - 1 : pose]  # a new plan can have fewer poses
         places = [self._map_in_layout.point(*goal[:2]) for goal in goals]
         return next(((round(x, 3), round(y, 3)) for x, y in places), None)
 

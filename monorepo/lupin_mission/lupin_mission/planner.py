@@ -22,7 +22,7 @@ LOOK_EVERY_SECONDS = 0.05
 
 
 class Drives(NamedTuple):
-    """A plan, the tags in the order of visits, and the warnings that no drives before these had."""
+    """A plan, the tags in the order of visits, and the new warnings."""
 
     plan: Plan
     tag_ids: list[str]
@@ -30,7 +30,7 @@ class Drives(NamedTuple):
 
 
 class Planner:
-    """Handles one request for a plan after the other. The futures can raise StartUpError."""
+    """Makes one plan at a time. The futures can raise StartUpError."""
 
     def __init__(self, node: Node, settings: Settings, tags: Tags):
         """Subscribe to the map, unless map_topic is empty."""
@@ -45,14 +45,14 @@ class Planner:
         # Only the thread uses these three.
         self._plan: Plan | None = None
         self._planned_map: OccupancyGrid | None = None
-        self._told_plan: Plan | None = None
+        self._logged_plan: Plan | None = None
 
     def plan(self, tag_ids: list[str]) -> 'Future[Drives]':
         """Plan the drives anew, and without a map."""
         return self._thread.submit(self._drives, tag_ids, is_new=True)
 
     def plan_mission(self, tag_ids: list[str], robot_m: Place | None) -> 'Future[Drives]':
-        """Plan a mission from the robot to these tags, with the newest map; wait for a first one."""
+        """Plan a mission from the robot to these tags, with the newest map; wait for the first map."""
         return self._thread.submit(self._mission, tag_ids, robot_m)
 
     def close(self) -> None:
@@ -65,14 +65,14 @@ class Planner:
         self._need_not_wait.set()
 
     def _await_map(self) -> None:
-        """Wait until the first map is there, or its topic has no publisher, or the time is over."""
+        """Wait for the first map, until a timeout; stop early if its topic has no publisher."""
         deadline = time.monotonic() + LONGEST_MAP_SECONDS
         while not self._need_not_wait.wait(LOOK_EVERY_SECONDS) and time.monotonic() < deadline:
             if time.monotonic() >= self._discovery_end and not self._node.count_publishers(self._topic):
                 return
 
     def _usable_map(self) -> tuple[OccupancyGrid | None, list[str]]:
-        """Return the newest map, if it is in the right frame, and a warning if there is one of no use."""
+        """Return the newest map in the right frame, and a warning if there is a map that cannot be used."""
         if not self._topic:
             return None, []
         self._await_map()
@@ -132,10 +132,10 @@ class Planner:
         self._node.get_logger().info(f'planning the drives to {pluralized(len(tag_ids), "tag")}')
         drives = self._drives(tag_ids, message, robot_m)
         drives.warnings.extend(warnings)
-        if drives.plan is not self._told_plan:  # not of a plan before the robot's place was known
-            self._told_plan = drives.plan
-            for each in drives.plan.room_warnings.keys() & set(tag_ids):
-                self._node.get_logger().info(drives.plan.room_warnings[each])
+        if drives.plan is not self._logged_plan:
+            self._logged_plan = drives.plan
+            for tag_id in drives.plan.room_warnings.keys() & set(tag_ids):
+                self._node.get_logger().info(drives.plan.room_warnings[tag_id])
         if self._settings.order != 'shortest':
             return drives
         dock = self._settings.dock

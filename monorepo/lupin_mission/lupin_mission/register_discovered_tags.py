@@ -49,7 +49,7 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
             f'--tags is {options.tags}: must be from 2 to {len(layout.tags)}, the tags of the layout'
         )
     node = node_in(executor, NAME)
-    messages, told = [DiscoveredTags()], ['']
+    messages, logged = [DiscoveredTags()], ['']
 
     def places() -> dict[str, tuple[float, float]]:
         positions = discovered_positions(messages[-1]).items()
@@ -59,8 +59,8 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
         messages[:] = [message]
         frame = '' if message.header.frame_id else ' (without header.frame_id)'
         text = f'{len(places())} of {options.tags} tags{frame}: {escaped(", ".join(places()), 200)}'
-        if text != told[-1]:
-            told[:] = [text]
+        if text != logged[-1]:
+            logged[:] = [text]
             node.get_logger().info(text)
 
     tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', on_tags, latched())

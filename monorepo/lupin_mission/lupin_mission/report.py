@@ -82,7 +82,7 @@ class Report:
         return observations
 
     def fault(self) -> str:
-        """Return that the file was deleted or replaced; '' if it was not."""
+        """Return an error message if the file was deleted or replaced; '' if it was not."""
         with contextlib.suppress(OSError):
             if os.path.samestat(os.fstat(self._file), self.path.stat()):
                 return ''
@@ -94,14 +94,14 @@ class Report:
 
 
 def last_observation_of_each_tag(observations: Iterable[Observation]) -> dict[str, Observation]:
-    """Return the last observation of each tag. It counts, because a failed tag is tried again later."""
-    return {each.tag_id: each for each in observations}
+    """Return the last observation of each tag. Only that one counts, because failed tags are tried again."""
+    return {observation.tag_id: observation for observation in observations}
 
 
 def read_tags(observations: Iterable[Observation]) -> set[str]:
     """Return the ids of the tags that have a reading."""
     last = last_observation_of_each_tag(observations)
-    return {tag_id for tag_id, each in last.items() if each.outcome is Outcome.OK}
+    return {tag_id for tag_id, observation in last.items() if observation.outcome is Outcome.OK}
 
 
 def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -> str:
@@ -109,20 +109,24 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
     tag_ids = list(tag_ids)
     last = last_observation_of_each_tag(observations)
     found = [last.get(tag_id) for tag_id in tag_ids]
-    readings = [each.reading if each else None for each in found]
-    names = {name for each in last.values() if each.reading for name in each.reading.values}
-    sensors = sorted(names, key=sensor_order)
+    readings = [observation.reading if observation else None for observation in found]
+    all_readings = [observation.reading for observation in last.values() if observation.reading]
+    sensors = sorted({name for reading in all_readings for name in reading.values}, key=sensor_order)
     columns = [
         ['tag', '', *(escaped(tag_id, 40) for tag_id in tag_ids)],
         [
             'sim time',
             'h:min',
-            *(clock_time(each.sim_time_of_day_seconds) if each else '' for each in readings),
+            *(clock_time(reading.sim_time_of_day_seconds) if reading else '' for reading in readings),
         ],
-        *([escaped(name, 40), unit_of(name), *(_value(name, each) for each in readings)] for name in sensors),
+        *(
+            [escaped(name, 40), unit_of(name), *(_value(name, reading) for reading in readings)]
+            for name in sensors
+        ),
     ]
-    if any(each.seen is not None for each in last.values()):
-        columns.append(['seen', '', *(SEEN[each.seen if each else None] for each in found)])
+    if any(observation.seen is not None for observation in last.values()):
+        seen = [SEEN[observation.seen if observation else None] for observation in found]
+        columns.append(['seen', '', *seen])
     columns.append(['outcome', '', *map(_outcome, found)])
     lines = aligned_table(list(zip(*columns, strict=True)), range(1, len(sensors) + 2))
     read = read_tags(last.values()).intersection(tag_ids)

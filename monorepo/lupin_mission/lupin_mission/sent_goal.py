@@ -46,7 +46,7 @@ class SentGoal:
         self.servers: set[bytes] = set()
         self.sent_at_seconds = sent_at_seconds
         self.ended_at_seconds: float | None = None
-        self.pose: PoseStamped | None = None  # the last one that the server told
+        self.pose: PoseStamped | None = None  # from the last feedback
         self._start: tuple[float, float] | None = None
         self._farthest_m = 0.0
         self._name, self._note = name, note
@@ -76,7 +76,7 @@ class SentGoal:
             self._cancel()
 
     def update(self, _future: Any = None) -> None:
-        """Take what has arrived. A future calls this, unless its executor ends before it does."""
+        """Handle the replies that have arrived. Each future calls this, unless its executor ends first."""
         awaited, self._awaited = self._awaited, []
         for future, take in awaited:
             if future.done():
@@ -93,7 +93,7 @@ class SentGoal:
 
     def _on_feedback(self, message: Any) -> None:
         pose = pose_in_plane(message.feedback.current_pose.pose)
-        if not all(map(math.isfinite, pose)):  # of a robot that is not localized
+        if not all(map(math.isfinite, pose)):  # The robot is not localized.
             return
         self.pose = message.feedback.current_pose
         position_m = pose[:2]
@@ -125,8 +125,8 @@ class SentGoal:
         else:
             self._end(GoalState.ENDED, f'aborted the drive{_reason_of(response.result)}')
 
-    def _end(self, state: GoalState, what_the_server_did: str) -> None:
-        self.state, self.failure = state, f'{self._name} {what_the_server_did}'
+    def _end(self, state: GoalState, event: str) -> None:
+        self.state, self.failure = state, f'{self._name} {event}'
 
 
 def _reason_of(result: Any) -> str:

@@ -20,9 +20,9 @@ CHOICES = {
     'order': (('numeric', 'shortest'), 'numeric or shortest'),
     'tag_poses_in_map': (('', True, False, 'true', 'false'), 'true, false or empty'),
 }
-REPLY_SECONDS = 3.0  # A camera on a busy machine replies this long after its time is over.
+REPLY_SECONDS = 3.0  # A camera on a busy machine replies this long after its timeout.
 LARGEST_CAMERA_OFFSET_M = 0.29  # Less than the smallest standoff.
-# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or
+# Arguments of the team's orchestrator that have no effect here: this mission does not explore, localize, or
 # move an arm.
 WITHOUT_EFFECT = (
     'approach_yaw',
@@ -60,7 +60,7 @@ def _count(default: int, description: str, largest: int = 1000) -> Any:
 
 
 def _limit(name: str, smallest: float, largest: float, description: str) -> Any:
-    """Return the field of a parameter whose default is that of the approach poses."""
+    """Return the field of a parameter with the default of ViewingLimits."""
     return parameter(getattr(ViewingLimits, name), description, smallest=smallest, largest=largest)
 
 
@@ -266,6 +266,6 @@ def ids_in(tag_sequence: object) -> list[str]:
     if items is None:  # rclpy's value of an empty array
         return []
     ids = list(items) if isinstance(items, Iterable) else [items]
-    if any(isinstance(each, bool) or not isinstance(each, str | int | float) for each in ids):
+    if any(isinstance(tag_id, bool) or not isinstance(tag_id, str | int | float) for tag_id in ids):
         raise invalid('tag_sequence', tag_sequence, accepted)
-    return [str(each) for each in ids]
+    return [str(tag_id) for tag_id in ids]

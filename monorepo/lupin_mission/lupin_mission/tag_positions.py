@@ -15,19 +15,19 @@ class TagPositions:
     """
     Subscribes to `perception/discovered_tags` and to the pose of the robot.
 
-    `in_layout` has the positions that perception may not know: x and y in the map by tag id.
+    `in_layout` has x and y in the map by tag id, for tags that perception has not discovered.
     """
 
     def __init__(self, node: Node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
         """Subscribe, but not to an empty topic; a message in another frame is ignored, with one warning."""
         self._node, self._frame_id = node, frame_id
-        self._warned: set[tuple[str, str]] = set()  # of the topic and the frame
+        self._warned: set[tuple[str, str]] = set()  # topics and frames
         self.in_layout: dict[str, tuple[float, float]] = {}
         self._amcl_pose_topic = amcl_pose_topic
         self._discovered: dict[str, Point] = {}
         self.robot_pose: PoseStamped | None = None
         node.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched())
-        # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
+        # AMCL latches its pose, and other localisers do not. One subscription alone would miss some poses.
         for qos in (latched(), QoSProfile(depth=1)) if amcl_pose_topic else ():
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
 
@@ -62,7 +62,7 @@ class TagPositions:
 
 
 def discovered_positions(message: DiscoveredTags) -> dict[str, Point]:
-    """Return the position of each tag, by tag id, if it is finite, and set: w is 0 in an unset pose."""
+    """Return the finite positions by tag id. An unset pose has w = 0, and is left out."""
     return {
         tag.tag_id: tag.pose_in_map.position
         for tag in message.tags

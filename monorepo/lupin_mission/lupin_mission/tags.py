@@ -24,7 +24,7 @@ from lupin_mission.transport import create_client
 from lupin_mission.world import read_world
 
 ASK_EVERY_SECONDS = 0.1
-MOST_PENDING_REQUESTS = 50  # A busy bridge may reply late, and DDS may have dropped any of them.
+MOST_PENDING_REQUESTS = 50  # A busy bridge replies late, and DDS drops some requests.
 LONGEST_WITHOUT_PARAMETERS_SECONDS = 5.0
 
 
@@ -45,7 +45,7 @@ class Tags:
             self.ids = list(self._world)
         elif settings.tag_locations_file:
             self.ids = list(read_layout(settings.tag_locations_file).tags)
-        self._is_settled = bool(self.ids)  # by a file, or because the bridge has replied or has no parameters
+        self._is_settled = bool(self.ids)  # by a file, or by the bridge
         self._bridge_found_at: float | None = None
         self._service_found_at: float | None = None
         self._requests: deque[Any] = deque()
@@ -156,4 +156,6 @@ class Tags:
             in_layout = {tag_id: (tag.x, tag.y) for tag_id, tag in tags.items()}
         self.positions_m = {}
         if self._settings.has_poses_in_map:
-            self.positions_m = {each: self.layout_in_map.point(*place) for each, place in in_layout.items()}
+            self.positions_m = {
+                tag_id: self.layout_in_map.point(*place) for tag_id, place in in_layout.items()
+            }

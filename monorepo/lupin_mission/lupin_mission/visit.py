@@ -38,7 +38,7 @@ NO_REPLY = {
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One request to one service. No two are equal, so a late reply is not taken for a current one."""
+    """One request to one service. No two are equal, so a late reply does not count for a later request."""
 
     service: Service
     tag_id: str
@@ -47,24 +47,24 @@ class Request:
 
 @dataclass
 class Visit:
-    """What the mission knows of the tag that it visits."""
+    """The visit to one tag: its phase, its pose, and what has failed so far."""
 
     tag_id: str
     phase: Phase = Phase.NAVIGATING
     pose: int = 1
-    failures: list[str] = field(default_factory=list)  # The reason why each earlier pose has failed.
-    miss: str = ''  # How far from the last pose the robot stands, if it is too far.
-    seen: bool | None = None  # What the camera has replied last.
+    failures: list[str] = field(default_factory=list)  # why each earlier pose failed
+    miss: str = ''  # how far the robot is from its pose, if that is too far
+    seen: bool | None = None  # the last reply of the camera
     requests: int = 0
 
     def observation(self, outcome: Outcome, detail: str, reading: Reading | None) -> Observation:
         """Return the observation that closes this visit, with the reasons of all poses."""
-        # That the camera did not see the tag tells more than a failed drive.
+        # NOT_CONFIRMED is the more useful outcome for a person.
         if outcome is Outcome.UNREACHABLE and self.seen is False:
             outcome = Outcome.NOT_CONFIRMED
         if self.failures and outcome is not Outcome.OK:
             details = [*self.failures, detail]
-            detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
+            detail = '; '.join(f'pose {number}: {reason}' for number, reason in enumerate(details, start=1))
         detail = '; '.join(filter(None, (detail, self.miss)))
         return Observation(self.tag_id, outcome, detail, self.requests, reading, self.seen, self.pose)
 

@@ -20,7 +20,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     where = f"world_file '{escaped(world_file, 500)}'"
     text = read_text(world_file, where)
     try:
-        world = ElementTree.fromstring(text)  # noqa: S314 - expat limits what entities expand to
+        world = ElementTree.fromstring(text)  # noqa: S314 - expat limits the expansion of entities
     except ElementTree.ParseError as error:
         raise StartUpError(
             f'{where} is not an SDF world ({error}): use a world made by generate_world'

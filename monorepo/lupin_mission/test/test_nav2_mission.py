@@ -294,8 +294,8 @@ def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confir
     wait_until(lambda: len(subscriber.received) == 2)
     assert {each.status_detail for each in subscriber.received} == {'read from pose 2'}
     first, second = mission.lines_with('trying pose')
-    assert f"tag '7': UNREACHABLE {NAME} aborted the drive: trying pose 2 of 2" in first
-    assert "tag '1': NOT_CONFIRMED no tag in view: trying pose 2 of 2" in second
+    assert f"tag '7': UNREACHABLE, trying pose 2 of 2: {NAME} aborted the drive" in first
+    assert "tag '1': NOT_CONFIRMED, trying pose 2 of 2: no tag in view" in second
     assert len(mission.lines_with('OK from pose 2')) == 2
 
 

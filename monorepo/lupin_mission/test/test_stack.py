@@ -76,7 +76,7 @@ def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, rea
 
     wait_until(has_two_within_a_second)  # though nothing changes
     confirmer.answer(detected=False, error_message='no tag in view')
-    event = "tag '1': NOT_CONFIRMED no tag in view: trying again (simulated drive)"
+    event = "tag '1': NOT_CONFIRMED, trying again: no tag in view (simulated drive)"
     state = operator.wait_for(last_event=event)
     assert (state.last_event_severity, state.mission_phase) == (MissionState.SEVERITY_WARN, 'CONFIRMING')
     confirmer.answer(detected=True, detection_confidence=1.0)

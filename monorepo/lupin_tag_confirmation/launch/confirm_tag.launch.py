@@ -6,7 +6,7 @@ from lupin_tag_confirmation.settings import Settings
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Take each parameter of the node as an argument, and what every node takes."""
+    """Start the node. Each of its parameters is an argument of the launch file."""
     camera = node_with_arguments(
         Settings,
         has_sim_time=True,

@@ -41,7 +41,7 @@ class ConfirmTagNode(Node):
         message_type, self._sight_of = open_source(settings)
         self._confirmer = Confirmer(settings)
         self._requests_waiting = 0
-        self._next_look: Future[None] = Future()  # what these requests await
+        self._next_look: Future[None] = Future()  # the waiting requests await it
         # Best effort is compatible with every publisher.
         self._camera = self.create_subscription(
             message_type, TOPICS[settings.source], self._on_message, qos_profile_sensor_data
@@ -104,7 +104,7 @@ class ConfirmTagNode(Node):
         return response
 
     def _receive(self) -> None:
-        """Take all messages that have arrived: rclpy takes one per callback, and searching takes longer."""
+        """Take all messages that have arrived. rclpy takes one per callback, which is too slow here."""
         while (message := take_message(self._camera)) is not None:
             self._on_message(message)
 
@@ -128,7 +128,7 @@ class ConfirmTagNode(Node):
             return
         try:
             picture = draw(sight.picture, sight.detections, number, reason, self._settings)
-        except Exception as error:  # a picture is worth less than the node
+        except Exception as error:  # a failed drawing must not end the node
             problem = f'cannot draw {self._pictures.topic_name}: {type(error).__name__}: {error}'
             self.get_logger().error(escaped(problem, 300), throttle_duration_sec=LOG_EVERY_SECONDS)
             return

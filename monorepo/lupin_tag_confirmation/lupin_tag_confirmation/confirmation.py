@@ -94,7 +94,7 @@ class Confirmer:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        # Twice as many as must show the tag: some may be blurred.
+        # Twice as many as needed, because some may be blurred.
         self._most = 2 * settings.min_frames
         self._waiting: deque[Frame] = deque(maxlen=self._most)
         self._chosen: list[Frame] = []  # by arrival
@@ -124,7 +124,7 @@ class Confirmer:
             [tag.flaw(self._settings) for tag in sight.detections if tag.tag_number == number]
             for sight in usable
         ]
-        sightings, needed = sum('' in each for each in flaws), self._settings.min_frames
+        sightings, needed = sum('' in frame_flaws for frame_flaws in flaws), self._settings.min_frames
         if sightings >= needed:
             return Verdict(1.0, '', usable[0])
         others = {tag.tag_number for sight in usable for tag in sight.detections} - {number}
@@ -136,7 +136,7 @@ class Confirmer:
         elif sightings:
             reason = f'seen in {sightings} of the {needed} images needed'
         elif others:
-            ids = [str(each) for each in sorted(others)]
+            ids = [str(other) for other in sorted(others)]
             reason = f'in view instead: {names_text("tag", ids, len(ids))}'
         else:
             reason = f'no tag in view in {pluralized(len(usable), "image")}'

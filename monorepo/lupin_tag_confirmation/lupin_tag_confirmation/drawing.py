@@ -13,8 +13,8 @@ GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
 QUIET, PAPER = (210, 210, 210), (0, 0, 0)
 USUAL_SIZE, SMALLEST_SCALE = (540, 320), 0.68  # a larger picture has larger texts
 TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS, SPACING, MOST_LINES = 23, 19, 6, 1.25, 2
-LINE_PIXELS, FINER = 2.4, 4  # of an outline: its width, and how much finer it is drawn than it is shown
-# In a square with sides of 1.
+LINE_PIXELS, FINER = 2.4, 4  # the width of an outline; it is drawn FINER times larger, then reduced
+# Points in a square with sides of 1.
 TICK, CROSS = ((0, 0.5), (0.35, 0.9), (1, 0.1)), ((0, 0), (1, 1), (0.5, 0.5), (0, 1), (1, 0))
 
 
@@ -33,31 +33,32 @@ def draw(
     large, small, pad = (round(scale * pixels) for pixels in (TITLE_PIXELS, FONT_PIXELS, PAD_PIXELS))
     row, top = round(SPACING * small), pad + round(SPACING * large)
     pen.font = _font(small)
-    why = reason.removeprefix(f'tag {expected_number}: ')
-    text = why or f'AprilTag id {expected_number} is in the camera image'
+    problem = reason.removeprefix(f'tag {expected_number}: ')
+    text = problem or f'AprilTag id {expected_number} is in the camera image'
     characters = (image.width - 3 * pad) * len(text) // _width(pen, text)
     text = textwrap.fill(text, max(8, characters), max_lines=MOST_LINES, placeholder=' ...')
     bar = top + row * (1 + text.count('\n')) + pad // 2
-    labels, taken = [], [np.array([0.0, 0.0, image.width, bar])]  # left, top, right and lower side of each
-    for each in sorted(detections, key=lambda each: each.tag_number != expected_number):
-        label, colour = _label_of(each, expected_number, settings)
-        _stroke(image, each.corners[[0, 1, 2, 3, 0]], round(scale * LINE_PIXELS), colour)
-        border = np.ptp(each.corners[:, 1]) / 8  # white, one of the tag's modules wide
-        taken.append(np.append(each.corners.min(axis=0) - border, each.corners.max(axis=0) + border))
+    labels, taken = [], [np.array([0.0, 0.0, image.width, bar])]  # boxes of left, top, right and bottom
+    for detection in sorted(detections, key=lambda detection: detection.tag_number != expected_number):
+        corners = detection.corners
+        label, colour = _label_of(detection, expected_number, settings)
+        _stroke(image, corners[[0, 1, 2, 3, 0]], round(scale * LINE_PIXELS), colour)
+        border = np.ptp(corners[:, 1]) / 8  # the white border is one module wide
+        taken.append(np.append(corners.min(axis=0) - border, corners.max(axis=0) + border))
         labels.append((label, colour))
-    for (label, colour), tag in zip(labels, taken[1:], strict=True):
+    for (label, colour), tag_box in zip(labels, taken[1:], strict=True):
         size = np.array([max(_width(pen, line) for line in label) + 2 * pad, len(label) * row + pad])
-        taken.append(_place(size, tag, pad, np.array([0, bar]), image.size - size, taken))
+        taken.append(_place(size, tag_box, pad, np.array([0, bar]), image.size - size, taken))
         x, y = taken[-1][:2]
         pen.rectangle(tuple(taken[-1] - (0, 0, 1, 1)), fill=PAPER)
         for number, line in enumerate(label):
             pen.text((x + pad, y + pad / 2 + number * row), line, fill=colour)
     pen.rectangle((0, 0, image.width, bar - 1), fill=PAPER)
     pen.text((2 * pad, top), text, fill=QUIET, spacing=row - small)
-    mark, colour = (CROSS, FLAWED) if why else (TICK, GOOD)
+    mark, colour = (CROSS, FLAWED) if problem else (TICK, GOOD)
     _stroke(image, np.add(np.multiply(mark, 0.7 * large), (2 * pad, 1.9 * pad)), scale * 3.5, colour)
     pen.font = _font(large)
-    answer = f'tag {expected_number} {"not " if why else ""}confirmed'
+    answer = f'tag {expected_number} {"not " if problem else ""}confirmed'
     for bolder in range(1 + round(scale) * hasattr(pen.font, 'size')):  # not the small font of Pillow 9.0
         pen.text((2.5 * pad + large + bolder, pad), answer, fill=colour)
     return np.asarray(image)
@@ -74,9 +75,9 @@ def _label_of(
     return [f'tag {detection.tag_number}', contrast, *errors], FLAWED if detection.flaw(settings) else GOOD
 
 
-def _place(size: Any, tag: Any, gap: int, least: Any, most: Any, taken: list[Any]) -> Any:
-    """Return the sides of a label: below, above or beside its tag, where it hides least of what is taken."""
-    (left, above, right, below), (width, height) = tag, size
+def _place(size: Any, tag_box: Any, gap: int, least: Any, most: Any, taken: list[Any]) -> Any:
+    """Return the box of a label: below, above or beside its tag, where it overlaps the taken boxes least."""
+    (left, above, right, below), (width, height) = tag_box, size
     corners = [(x, y) for y in (below + gap, above - gap - height) for x in (left, right - width)]
     corners += [(right + gap, above), (left - gap - width, above)]
     starts = np.clip(corners, least, np.maximum(least, most))[:, None]

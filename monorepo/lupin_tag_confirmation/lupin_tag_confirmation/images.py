@@ -28,7 +28,7 @@ class UnusableImage(ValueError):
 
 
 def _check_size(width: int, height: int) -> None:
-    if not all(SMALLEST_SIDE_PIXELS <= each <= LARGEST_SIDE_PIXELS for each in (width, height)):
+    if not all(SMALLEST_SIDE_PIXELS <= side <= LARGEST_SIDE_PIXELS for side in (width, height)):
         limits = f'{SMALLEST_SIDE_PIXELS} to {LARGEST_SIDE_PIXELS}'
         raise UnusableImage(f'the image has {width} x {height} pixels: each side must have {limits}')
     if width * height > MOST_PIXELS:
@@ -68,7 +68,7 @@ def decoded_picture(data: bytes) -> np.ndarray:
             raise
         data = data.removesuffix(JPEG_END[:1])
         picture = _decoded(data + JPEG_END)
-        # The decoder makes up the pixels that a cut file lacks; then more bytes change the picture.
+        # The decoder invents the pixels that a cut file lacks. In that case, more bytes change the picture.
         if not np.array_equal(picture, _decoded(data + FILLER + JPEG_END)):
             raise
         return picture
@@ -77,7 +77,7 @@ def decoded_picture(data: bytes) -> np.ndarray:
 def _decoded(data: bytes) -> np.ndarray:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # about large pictures, which are limited below
+            warnings.simplefilter('ignore')  # large pictures are refused below
             image = Image.open(io.BytesIO(data), formats=('JPEG', 'PNG'))
             _check_size(*image.size)  # read from the header; nothing is decoded yet
             if image.mode not in MODES:

@@ -44,6 +44,6 @@ def detections_of(message: Any) -> Sight:
     detections = []
     for tag in message.detections:
         if tag.family in FAMILIES:
-            corners = np.array([(each.x, each.y) for each in tag.corners])
+            corners = np.array([(corner.x, corner.y) for corner in tag.corners])
             detections.append(Detection(tag.id, tag.hamming, tag.decision_margin, corners))
     return Sight(detections)
