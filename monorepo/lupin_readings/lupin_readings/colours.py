@@ -6,15 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 from lupin_greenhouse_bridge.simulator.config import find_config
 
-STOPS = (  # of the map viridis, which is readable in black and white, and for colour-blind people
+STOPS = (  # viridis, which works in black and white and for colour-blind people
     *('#440154', '#482475', '#414487', '#355f8d', '#2a788e', '#21918c', '#22a884', '#44bf70', '#7ad151'),
     *('#bddf26', '#fde725'),
 )
-SMALLEST_SPAN = 0.1  # of colours without a range in the config
+SMALLEST_SPAN = 0.1  # from the lowest to the highest colour, without a range in the config
 
 
 def colours_of(values: Sequence[float] | np.ndarray, lowest: float, highest: float) -> np.ndarray:
-    """Return red, green and blue, from 0 to 1, of each value; one beyond an end has the colour of the end."""
+    """Return red, green and blue of each value, from 0 to 1. Beyond an end, they are those of the end."""
     stops = np.array([[int(stop[at : at + 2], 16) / 255 for at in (1, 3, 5)] for stop in STOPS])
     places = (np.asarray(values, float) - lowest) / (highest - lowest) * (len(stops) - 1)
     return np.stack([np.interp(places, np.arange(len(stops)), part) for part in stops.T], axis=-1)
@@ -30,7 +30,7 @@ def colour_limits(values: Sequence[float], limits: tuple[float, float] | None) -
     """
     Return the values at the ends of the colours: round numbers around all values, within the config's range.
 
-    They are at least a fiftieth of that range apart, so that no noise has all colours.
+    They are at least a fiftieth of that range apart, so that noise does not fill the scale.
     """
     floor, ceiling = limits if limits and limits[0] < limits[1] else (-math.inf, math.inf)
     low, high = (min(max(pick(values or limits or [0.0]), floor), ceiling) for pick in (min, max))
@@ -40,7 +40,7 @@ def colour_limits(values: Sequence[float], limits: tuple[float, float] | None) -
     margin = max(smallest_span - (high - low), 0.0) / 2
     low, high = low - margin, high + margin
     power = 10.0 ** math.floor(math.log10((high - low) / 5))
-    step = next(each * power for each in (1, 2, 5, 10) if each * power >= 0.999 * (high - low) / 5)
+    step = next(digit * power for digit in (1, 2, 5, 10) if digit * power >= 0.999 * (high - low) / 5)
     ends = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
     return max(round(ends[0] * step, 9), floor), min(round(ends[1] * step, 9), ceiling)
 

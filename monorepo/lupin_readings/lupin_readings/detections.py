@@ -58,7 +58,7 @@ class Sightings:
 
     def next(self) -> str | None:
         """Return the tag to request now; None if there is none, or if a request is pending."""
-        waiting = [tag_id for tag_id, each in self._tags.items() if each.sent_at is None]
+        waiting = [tag_id for tag_id, sighting in self._tags.items() if sighting.sent_at is None]
         return waiting[0] if waiting and len(waiting) == len(self._tags) else None
 
     def asked(self, tag_id: str, now: float) -> None:
@@ -87,13 +87,13 @@ class Sightings:
     def overdue(self, now: float) -> list[str]:
         """Return the tags whose requests have taken too long."""
         longest = self._settings.request_timeout_seconds
-        sent_at = {tag_id: each.sent_at for tag_id, each in self._tags.items()}
+        sent_at = {tag_id: sighting.sent_at for tag_id, sighting in self._tags.items()}
         return [tag_id for tag_id, sent in sent_at.items() if sent is not None and now - sent >= longest]
 
     def forget(self, now: float) -> None:
         """Drop the tags that have gone out of view, and the cooldowns that have ended."""
-        for tag_id, each in list(self._tags.items()):
-            if each.sent_at is None and not self._is_in_view(each, now):
+        for tag_id, sighting in list(self._tags.items()):
+            if sighting.sent_at is None and not self._is_in_view(sighting, now):
                 del self._tags[tag_id]
         self._cool_at = {tag_id: end for tag_id, end in self._cool_at.items() if end > now}
 

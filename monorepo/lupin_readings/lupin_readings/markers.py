@@ -30,7 +30,7 @@ NEAREST_M = 1e-6  # a value of the field that is nearer counts as if it were at 
 Colour = tuple[float, ...]  # red, green, blue and, if it is not opaque, alpha, from 0 to 1
 # As on the page of readings in its dark scheme; a read tag without the shown sensor is white.
 TABLE, GREY, WHITE, BLACK = (0.26, 0.3, 0.34), (0.45, 0.5, 0.55), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-BRIGHTEST, LUMA = 0.45, (0.299, 0.587, 0.114)  # on which a text is white
+BRIGHTEST, LUMA = 0.45, (0.299, 0.587, 0.114)  # the brightest colour with white text on it
 
 
 class Box(NamedTuple):
@@ -50,7 +50,7 @@ class Scale(NamedTuple):
 
     def colour_of(self, reading: TagReading) -> Colour:
         """Return the colour of a tag with this reading."""
-        values = [each.value for each in reading.readings if each.name == self.sensor]
+        values = [sensor.value for sensor in reading.readings if sensor.name == self.sensor]
         if not values or math.isnan(values[0]):
             return WHITE
         return tuple(colours_of(values[:1], *self.limits)[0].tolist())
@@ -70,7 +70,7 @@ def grid_over(layout: Layout, walls: Walls, resolution_m: float) -> FieldGrid:
     """Return the grid that covers the walls, the tables and the tags."""
     boxes = np.array([walls, *layout.tables.values(), *(tag[:2] * 2 for tag in layout.tags.values())])
     corner, opposite = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    columns, rows = (max(math.ceil(each), 1) for each in (opposite - corner) / resolution_m)
+    columns, rows = (max(math.ceil(cells), 1) for cells in (opposite - corner) / resolution_m)
     return FieldGrid(float(corner[0]), float(corner[1]), resolution_m, columns, rows)
 
 
@@ -132,7 +132,7 @@ class Scene:
             id_width_m = max(len(tag_id) * LETTER_WIDTH_M, TILE_M)
             self._dots[tag_id] = Box(*layout_in_map.point(x, y), id_width_m, TILE_M)
             self._facing[tag_id] = layout_in_map.heading(facing)
-            # As wide and as high as a label of three or four digits for each sensor of the tag.
+            # Room for a line of up to four digits for each sensor of the tag, and for the age.
             widest = max(len(_value_line(sensor, 999.9)) for sensor in tag.sensors)
             sizes.append((widest * LETTER_WIDTH_M, (len(tag.sensors) + 1) * LINE_M))
         dots = list(self._dots.values())
@@ -172,8 +172,8 @@ class Scene:
                 reading, age = readings[tag_id]
                 colour = self.scale.colour_of(reading)
                 alpha = STALE_ALPHA if age > stale_seconds else 1.0
-                values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
-                lines = [_value_line(each.name, each.value) for each in values]
+                sensors = sorted(reading.readings, key=lambda sensor: sensor_order(sensor.name))
+                lines = [_value_line(sensor.name, sensor.value) for sensor in sensors]
                 text = '\n'.join([*lines, age_text(age)])
                 markers.append(_text('readings', number, self._label_places[tag_id], text, alpha))
             at = pose_message(dot.x, dot.y, self._facing[tag_id], TAG_HEIGHT_M)
@@ -184,8 +184,8 @@ class Scene:
                 _text('ids', number, dot[:2], escaped(tag_id, 40), colour=BLACK if is_bright else WHITE),
             ]
         markers.append(_text(FIELD_NAMESPACE, 0, self._caption_place, caption))
-        for each in markers:
-            each.header = header
+        for marker in markers:
+            marker.header = header
         return MarkerArray(markers=markers)
 
 
@@ -204,7 +204,7 @@ def place_labels(dots: Sequence[Box], sizes: Sequence[tuple[float, float]]) -> l
 
 
 def _covered_m2(box: Box, others: np.ndarray) -> float:
-    """Return the area that a box has in common with these others."""
+    """Return the area of a box that the other boxes cover."""
     low = np.maximum(np.subtract(box[:2], np.divide(box[2:], 2)), others[:, :2] - others[:, 2:] / 2)
     high = np.minimum(np.add(box[:2], np.divide(box[2:], 2)), others[:, :2] + others[:, 2:] / 2)
     return float(np.maximum(high - low, 0.0).prod(axis=1).sum())

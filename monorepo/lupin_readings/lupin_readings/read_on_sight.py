@@ -84,13 +84,13 @@ class ReadOnSightNode(Node):
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         self._sightings = Sightings(settings)
-        # The last request for each tag, and when it was sent. Its reply counts, also a late one.
+        # The last request for each tag, and when it was sent. A late reply to it still counts.
         self._requests: dict[str, tuple[Future[GetTagReading.Response], float]] = {}
-        self._logged: set[tuple[str, str]] = set()  # tag ids with the status that was logged
+        self._logged: set[tuple[str, str]] = set()  # tag ids and statuses
         self._has_warned_of_family = False
         self._no_service_since_s: float | None = None
         self._has_warned_of_no_service = False
-        self._next_look_for_servers = 0.0  # when to look for a second server of the service
+        self._next_look_for_servers = 0.0  # when to check for a second server
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         self._client: Client[Any, Any] = self.create_client(
             GetTagReading, settings.bridge_service_name, qos_profile=SERVICE_QOS
@@ -107,19 +107,19 @@ class ReadOnSightNode(Node):
         self.get_logger().info(f'ready: detections from {topic}, readings from {self._client.srv_name}')
 
     def _on_detections(self, message: Any) -> None:
-        for each in message.detections:
-            if each.family in FAMILIES:
-                self._sightings.see(self._settings.tag_id(each.id), time.monotonic())
+        for detection in message.detections:
+            if detection.family in FAMILIES:
+                self._sightings.see(self._settings.tag_id(detection.id), time.monotonic())
             elif not self._has_warned_of_family:
                 self._has_warned_of_family = True
-                family = escaped(each.family, 40)
+                family = escaped(detection.family, 40)
                 self.get_logger().warning(
                     f"ignored a tag of the family '{family}': the tags of the greenhouse are {FAMILIES[0]}"
                 )
         self._send()
 
     def _look(self) -> None:
-        """Wait no longer for requests after their timeout, and send the next one."""
+        """Handle the timeouts of requests, and send the next request."""
         now = time.monotonic()
         self._sightings.forget(now)
         for tag_id in self._sightings.overdue(now):
@@ -155,7 +155,7 @@ class ReadOnSightNode(Node):
             future.add_done_callback(partial(self._on_reply, tag_id))
 
     def _warn_of_no_service(self) -> None:
-        """Warn after some seconds, which DDS needs to discover a bridge that runs."""
+        """Warn after some seconds, because DDS needs time to discover a running bridge."""
         now = time.monotonic()
         if self._no_service_since_s is None:
             self._no_service_since_s = now
@@ -168,7 +168,7 @@ class ReadOnSightNode(Node):
             )
 
     def _warn_of_two_servers(self) -> None:
-        """Look once in a while: the second server may be found late."""
+        """Check from time to time, because DDS may discover the second server late."""
         if time.monotonic() >= self._next_look_for_servers:
             self._next_look_for_servers = time.monotonic() + LOOK_FOR_SERVERS_EVERY_SECONDS
             if warning := duplicate_server_warning(self, self._client.srv_name):
@@ -176,7 +176,7 @@ class ReadOnSightNode(Node):
 
     def _on_reply(self, tag_id: str, future: 'Future[GetTagReading.Response]') -> None:
         if tag_id not in self._requests or self._requests[tag_id][0] is not future:
-            return  # given up before the executor came to this task
+            return  # given up before the executor ran this callback
         del self._requests[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
         self._send()
@@ -184,9 +184,8 @@ class ReadOnSightNode(Node):
         if answer.reading is not None:
             self._readings.publish(answer.reading)
             if self._is_first(tag_id, answer.status):
-                values = [
-                    f'{each.name} {value_text(each.name, each.value)}' for each in answer.reading.readings
-                ]
+                sensors = answer.reading.readings
+                values = [f'{sensor.name} {value_text(sensor.name, sensor.value)}' for sensor in sensors]
                 shown = escaped(', '.join(values), 300)
                 self.get_logger().info(f"tag '{escaped(tag_id, 64)}': {shown}")
         elif answer.status == 'UNKNOWN_TAG':
@@ -199,7 +198,7 @@ class ReadOnSightNode(Node):
             )
 
     def _is_first(self, tag_id: str, status: str) -> bool:
-        """Return whether this status of a tag is to be logged, which it is once."""
+        """Return whether to log this status of a tag. Each is logged once."""
         is_first = (tag_id, status) not in self._logged and len(self._logged) < MOST_IDS_LOGGED
         if is_first:
             self._logged.add((tag_id, status))

@@ -1,4 +1,4 @@
-"""A file of readings, or a mission's report, with the greenhouse that it is from. Does not import ROS."""
+"""A file of readings, or a mission's report, and its greenhouse. Does not import ROS."""
 
 import csv
 import math
@@ -22,7 +22,7 @@ from lupin_readings.rows import Row
 from lupin_readings.store import SQLITE_HEAD, ReadingFileError, read_rows
 
 MOST_ROUNDING_M = 0.01  # between the positions of one tag in the file and in its layout
-# A mission keeps these files beside its report NAME.jsonl, each for the option that names another one.
+# Options, and the endings of the files beside a report NAME.jsonl that are their defaults.
 COMPANION_ENDINGS = {
     'route': '-route.csv',
     'tag_file': '-tag_locations.json',
@@ -39,7 +39,7 @@ class ReadingFile(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """A file of readings, and the greenhouse that they are from."""
+    """A file of readings, and its greenhouse."""
 
     path: Path
     rows: list[Row]
@@ -66,7 +66,7 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
         visits, _ = parse_report(path.read_bytes())
     except (OSError, ValueError) as error:
         raise ReadingFileError(path, error) from error
-    rows = [row for each in visits if each.reading for row in each.reading.rows]
+    rows = [row for visit in visits if visit.reading for row in visit.reading.rows]
     return ReadingFile(_with_places(sorted(rows, key=attrgetter('stamp_ns')), tag_file), visits)
 
 
@@ -119,19 +119,19 @@ def _layout_of(path: Path, file: ReadingFile, tag_file: str) -> Layout:
     }
     layout = (find_layout(tag_file) or Layout({}, {})) if placed else require_layout(tag_file)
     tag_ids = {row.tag_id for row in file.rows} | {visit.tag_id for visit in file.visits}
-    if tag_file and (strangers := tag_ids - set(layout.tags)):
+    if tag_file and (unknown := tag_ids - set(layout.tags)):
         raise StartUpError(
-            f"--tag-file '{tag_file}': {len(strangers)} of the file's {pluralized(len(tag_ids), 'tag')} are"
-            f" not in it, such as '{escaped(min(strangers, key=natural_order), 64)}':"
+            f"--tag-file '{tag_file}' lacks {len(unknown)} of the {pluralized(len(tag_ids), 'tag')} in"
+            f" '{path}', such as '{escaped(min(unknown, key=natural_order), 64)}':"
             ' name the tag_file of its bridge'
         )
     for tag_id in sorted(layout.tags.keys() & placed.keys(), key=natural_order):
-        here, there = placed[tag_id][:2], layout.tags[tag_id][:2]
-        if math.dist(here, there) > MOST_ROUNDING_M:
+        (x, y), (layout_x, layout_y) = placed[tag_id][:2], layout.tags[tag_id][:2]
+        if math.dist((x, y), (layout_x, layout_y)) > MOST_ROUNDING_M:
             raise StartUpError(
-                f"'{path}': tag '{escaped(tag_id, 64)}' is at ({here[0]:g}, {here[1]:g}) in it, and at"
-                f' ({there[0]:g}, {there[1]:g}) in {tag_file or "the shipped tag file"}: name the tag_file'
-                ' of its bridge with --tag-file'
+                f"tag '{escaped(tag_id, 64)}' is at ({x:g}, {y:g}) in '{path}', but at ({layout_x:g},"
+                f' {layout_y:g}) in {tag_file or "the shipped tag file"}: name the tag_file of its bridge'
+                ' with --tag-file'
             )
     new = {tag_id: tag for tag_id, tag in placed.items() if tag_id not in layout.tags}
     return layout._replace(tags=layout.tags | new)
@@ -148,6 +148,6 @@ def read_route(name: str | Path) -> list[Point]:
         raise StartUpError(f"--route '{name}': {reason_of(error)}: name another file") from error
     except (KeyError, TypeError, ValueError, csv.Error):
         route = []
-    if not route or not all(math.isfinite(each) for point in route for each in point):
-        raise StartUpError(f"--route '{name}': is not a CSV file of x,y in metres: name another file")
+    if not route or not all(math.isfinite(coordinate) for point in route for coordinate in point):
+        raise StartUpError(f"--route '{name}' is not a CSV file of x,y in metres: name another file")
     return route

@@ -51,14 +51,23 @@ DONE, NO_ROWS, USAGE = 0, 1, 2
 LONGEST_NAME = 64  # characters
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
 UNREAD = 'not visited', 'not in the file'  # of tags without a row in the table
-WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
+WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and one for half an hour
 MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
 DAY_SECONDS = 86_400
-ARROW_EVERY_M, SHORTEST_LEG_M = 5.0, 0.25  # of a route: a leg that is shorter has no arrow
+ARROW_EVERY_M, SHORTEST_LEG_M = 5.0, 0.25  # a shorter leg of a route has no arrow
 NS_PER_MS = 1_000_000
 TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
 PAGE = Path(__file__).parent / 'page'
-SCRIPTS = 'data', 'drawing', 'labels', 'choice', 'map', 'table', 'charts', 'page'  # each uses those before it
+SCRIPTS = (
+    'data',
+    'drawing',
+    'labels',
+    'choice',
+    'map',
+    'table',
+    'charts',
+    'page',
+)  # in the order of their imports
 MARK = b'<meta name="generator" content="readings_page">'  # in the head of each page
 Limits = dict[str, tuple[float, float]]  # the values at the ends of the colours, by sensor
 
@@ -76,7 +85,7 @@ def main(arguments: list[str] | None = None) -> int:
             options.file, options.tag_file, options.sim_config_file, options.walls, options.route
         )
         if not (recording.rows or recording.visits):
-            print(f"readings_page: '{options.file}': holds no readings: there is no page", file=sys.stderr)
+            print(f"readings_page: '{options.file}' holds no readings: no page is made", file=sys.stderr)
             return NO_ROWS
         page = fill(recording, _limits_of(recording, options.sensor))
         output.write_text(page, encoding='utf-8')
@@ -87,9 +96,11 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"readings_page: --output '{output}': {reason_of(error)}: name another file", file=sys.stderr)
         return USAGE
     rows = {key_of(row) for row in recording.rows}
-    if hidden := len(rows) - len({each[:3] for each in rows}):
-        values = f'{pluralized(hidden, "value")} with the stamp, tag and sensor of another value'
-        print(f'readings_page: {options.file}: {values}: the last one is shown', file=sys.stderr)
+    if hidden := len(rows) - len({key[:3] for key in rows}):
+        hidden_values = (
+            f'not shown: {pluralized(hidden, "value")} with the stamp, tag and sensor of a later value'
+        )
+        print(f"readings_page: '{options.file}': {hidden_values}", file=sys.stderr)
     if warning := warning_of_outside(recording.layout, recording.walls):
         print(f'readings_page: {warning}', file=sys.stderr)
     print_line(f'page: {escaped(str(output), 500)}')
@@ -130,23 +141,23 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _limits_of(recording: Recording, wanted: Sequence[str] = ()) -> Limits:
-    """Return the ends of the colours of these sensors, or of all; raises StartUpError for another one."""
+    """Return the ends of the colours of the wanted sensors, or of all. Raises StartUpError for others."""
     values, last_values = defaultdict(list), defaultdict(list)
     for row in recording.rows:
         values[row.sensor].append(row.value)
     for reading in last_reading_of_each_tag(recording.rows).values():
         for row in reading.values():
             last_values[row.sensor].append(row.value)
-    if unknown := [each for each in wanted if each not in values]:
-        named = ', '.join(escaped(each, LONGEST_NAME) for each in sorted(values, key=sensor_order))
+    if unknown := [sensor for sensor in wanted if sensor not in values]:
+        known = ', '.join(escaped(sensor, LONGEST_NAME) for sensor in sorted(values, key=sensor_order))
         shown = escaped(unknown[0], LONGEST_NAME)
-        raise StartUpError(f"--sensor '{shown}': FILE does not have it: choose from {named or 'none'}")
+        raise StartUpError(f"--sensor '{shown}' is not in FILE, which has {known or 'no values'}")
     ranges = read_colour_ranges(recording.sim_config_file)
-    # Only the last values have a colour: those of a whole day would leave them alike.
+    # Only the last values have a colour. The range of a whole day would make their colours alike.
     return {
-        each: colour_limits(last_values[each] or values[each], ranges.get(each))
-        for each in sorted(values, key=sensor_order)
-        if not wanted or each in wanted
+        sensor: colour_limits(last_values[sensor] or values[sensor], ranges.get(sensor))
+        for sensor in sorted(values, key=sensor_order)
+        if not wanted or sensor in wanted
     }
 
 
@@ -200,22 +211,22 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'colours': STOPS,
         'sensors': [
             {
-                **_sensor_data(each, tags, limits[each], layout),
-                'extent': (min(values[each]), max(values[each])),
-                'lines': lines[each],
+                **_sensor_data(sensor, tags, limits[sensor], layout),
+                'extent': (min(values[sensor]), max(values[sensor])),
+                'lines': lines[sensor],
             }
-            for each in sensors
+            for sensor in sensors
         ],
         'tags': [tag | {'values': list(tag['values'].values())} for tag in tags.values()],
         'counts': _counts_of(all_tags, failures),
-        'failures': [_failure_data(each, tags) for each in failures],
-        'unread': [_failure_data(each, tags) for each in _unread_of(all_tags)],
+        'failures': [_failure_data(failure, tags) for failure in failures],
+        'unread': [_failure_data(unread, tags) for unread in _unread_of(all_tags)],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*rows[:1], *rows[-1:])],
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
         'is_of_several_times': len(times_of_day) > 1,
         'is_complete': summary.is_complete(values_of, sensors, layout),
-        'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
+        'is_binned': any(line['is_binned'] for line in itertools.chain(*lines.values())),
         'closest_m': closest_m([tag[:2] for tag in layout.tags.values()]),
         'walls': walls,
         'tables': list(layout.tables.values()),
@@ -268,7 +279,7 @@ def _counts_of(tags: dict[str, dict[str, Any]], failures: list[summary.Failures]
 
 
 def _unread_of(tags: dict[str, dict[str, Any]]) -> list[summary.Failures]:
-    """Return the tags that nobody tried to read, by why there is nothing of them."""
+    """Return the tags that nobody tried to read, by reason."""
     return [
         summary.Failures(word, '', [tag_id for tag_id, tag in tags.items() if tag['outcome'] == word])
         for word in UNREAD
@@ -288,8 +299,8 @@ def _failure_data(failure: summary.Failures, tags: dict[str, dict[str, Any]]) ->
 
 
 def stops_of(route: Sequence[Point]) -> list[Point]:
-    """Return where a robot stood on its path: the points that are there twice in a row."""
-    return list(dict.fromkeys(here for here, there in itertools.pairwise(route) if here == there))
+    """Return where a robot stood on its path: points that occur twice in a row."""
+    return list(dict.fromkeys(point for point, following in itertools.pairwise(route) if point == following))
 
 
 def arrows_of(route: Sequence[Point]) -> list[tuple[float, float, float]]:
@@ -320,8 +331,8 @@ def closest_m(points: Sequence[Point]) -> float:
 
 
 def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the last reading and visit of each tag: failures first, and what the file does not have last."""
-    readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
+    """Return the last reading and visit of each tag: failures first, tags that are not in the file last."""
+    readings, visits = last_reading_of_each_tag(file.rows), {visit.tag_id: visit for visit in file.visits}
     goals = summary.goals_of(file.visits, file.walls)
     tags: dict[str, dict[str, Any]] = {}
     for tag_id in sorted({*file.layout.tags, *readings, *visits}, key=natural_order):
@@ -332,7 +343,7 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
             outcome = summary.outcome_text(visit.outcome if visit else 'OK')
         else:
             outcome = UNREAD[0] if file.visits else UNREAD[1]
-        shown = {} if has_failed else reading  # which is of an earlier visit
+        shown = {} if has_failed else reading  # a failed tag may have a reading of an earlier visit
         tags[tag_id] = {
             'id': escaped(tag_id, LONGEST_NAME),
             'x': place and place.x,
@@ -344,7 +355,7 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
             'goal': goals.get(tag_id),
             'stamp_ms': row and row.stamp_ns // NS_PER_MS,
             'time_of_day': row and row.sim_time_of_day_seconds,
-            'values': {each: shown[each].value if each in shown else None for each in sensors},
+            'values': {sensor: shown[sensor].value if sensor in shown else None for sensor in sensors},
         }
     order = {'not visited': 1, 'read': 2, 'not in the file': 3}  # after the failures
     return dict(sorted(tags.items(), key=lambda item: order.get(item[1]['outcome'], 0)))
@@ -379,14 +390,16 @@ def lines_of(rows: list[Row], numbers: dict[str, int], sensors: list[str]) -> di
 
 
 def binned(times: np.ndarray, values: np.ndarray, width: float) -> list[list[float]]:
-    """Return the mean time, median, lowest and highest value of each bin of this width that has any."""
+    """Return the mean time, median, lowest and highest value of each bin of this width that has values."""
     bins = (times // width).astype(int)
     order = np.argsort(bins, kind='stable')
     starts = np.flatnonzero(np.diff(bins[order])) + 1
     points = []
     for group in np.split(order, starts):
-        each, at = values[group], round(float(times[group].mean()))
-        # With six digits, which are more than any pixel shows.
-        middle, low, high = (float(f'{value:.6g}') for value in (np.median(each), each.min(), each.max()))
+        in_bin, at = values[group], round(float(times[group].mean()))
+        # Six digits are more than the charts can show.
+        middle, low, high = (
+            float(f'{value:.6g}') for value in (np.median(in_bin), in_bin.min(), in_bin.max())
+        )
         points.append([at, middle, low, high] if low < high else [at, middle])
     return points

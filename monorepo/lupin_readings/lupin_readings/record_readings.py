@@ -34,12 +34,12 @@ from lupin_readings.subscription import (
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
-MOST_ROWS = 50_000  # that wait in memory
+MOST_ROWS = 50_000  # waiting in memory
 WRITE_EVERY_SECONDS = 0.5
 ERROR_EVERY_SECONDS = 10.0
 LAST_WAIT_SECONDS = 3.0  # at the end, for a file that another program locks
 TAG_FILE_UNKNOWN = 'the bridge did not report its tag_file'
-SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
+SHIPPED_PLACES = 'using the positions of mdp-greenhouse (set tag_file for others)'
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Settings:
 
 class Buffer:
     """
-    The rows that wait until they are written. While the file cannot be written, MOST_ROWS wait at most.
+    The rows that are not written yet. While the file cannot be written, at most MOST_ROWS wait here.
 
     The line "N rows kept" acknowledges that the first N new rows are on the disk.
     """
@@ -134,7 +134,9 @@ class RecordReadingsNode(Node):
             self._has_places = True  # say it once
             self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
-        self._buffer.add([row for row in rows if not fault_of(row)])  # others would make the file unreadable
+        self._buffer.add(
+            [row for row in rows if not fault_of(row)]
+        )  # invalid rows would make the file unreadable
         if faults := list(filter(None, map(fault_of, rows))):
             self._refused += len(faults)
             self.get_logger().warning(
@@ -161,15 +163,17 @@ class RecordReadingsNode(Node):
             if info.tag_file:
                 self._places_m = find_places(info.tag_file)
                 shown = escaped(info.tag_file, 500)
-                self.get_logger().info(f"positions: those of the bridge's tag_file {shown}")
-        except StartUpError as error:  # also of a bridge on another machine
+                self.get_logger().info(f"using the positions of the bridge's tag_file {shown}")
+        except StartUpError as error:  # such as a file on another machine
             self.get_logger().warning(f'{error}: {SHIPPED_PLACES}')
 
     def end(self) -> int:
         """Write the last rows; return the exit code."""
         take_what_has_arrived(self)
         if self._refused:
-            self.get_logger().warning(f'{pluralized(self._refused, "row")} refused: a number cannot be right')
+            self.get_logger().warning(
+                f'{pluralized(self._refused, "row")} refused, because a value is invalid'
+            )
         if lost := self._buffer.end():
             self.get_logger().error(f'{pluralized(lost, "row")} lost')
         return 1 if lost else 0

@@ -8,10 +8,10 @@ from enum import Enum
 from lupin_readings.rows import Row, fault_of, make_rows
 
 SOURCE = 'mission report'
-_START = b'{"tag_id"'  # of each line, also of what a killed mission left of one
+_START = b'{"tag_id"'  # the start of each line, and of an incomplete line of a killed mission
 # int() raises OverflowError for 1e999.
 _NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
-_FAULTS: dict[type[Exception], str] = {  # of those whose own words only Python's users know
+_FAULTS: dict[type[Exception], str] = {  # in place of messages for Python programmers
     json.JSONDecodeError: 'it is not JSON',
     KeyError: '{} is missing',
     TypeError: 'a value has the wrong type',
@@ -26,7 +26,7 @@ class Outcome(str, Enum):
     UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge does not know the tag
     SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge knows the tag and cannot read it
     NOT_CONFIRMED = 'NOT_CONFIRMED'  # the camera did not see it
-    BAD_READING = 'BAD_READING'  # no bridge can have sent the reply, such as one for another tag
+    BAD_READING = 'BAD_READING'  # the reply is invalid, such as a reading of another tag
     TIMEOUT = 'TIMEOUT'  # no reply before the timeout
     NO_SERVICE = 'NO_SERVICE'  # the service was not available
     UNREACHABLE = 'UNREACHABLE'  # the drive to the tag failed
@@ -61,13 +61,13 @@ class Observation:
 
     tag_id: str
     outcome: Outcome
-    detail: str  # why it failed; if OK, how far from its pose the robot stood, or empty
+    detail: str  # why it failed; if OK, empty or how far the robot was from its pose
     attempts: int  # number of requests, from all poses
     reading: Reading | None = None
-    seen: bool | None = None  # by the camera; None if it was not asked
-    pose: int = 1  # of the tag's approach poses, the last one that the robot was sent to
+    seen: bool | None = None  # whether the camera saw the tag; None without a camera
+    pose: int = 1  # the last approach pose that the robot was sent to
     drive: str = ''  # 'simulated' if no robot moved
-    goal: tuple[float, float] | None = None  # x and y of this pose in the layout, if the drive to it failed
+    goal: tuple[float, float] | None = None  # x and y of this pose in the layout, if UNREACHABLE
 
     def to_line(self) -> str:
         """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
@@ -106,7 +106,7 @@ class Observation:
             if seen not in (None, True, False):
                 raise ValueError(f'seen is {seen!r}: must be true, false or null')
             detail, attempts = str(data['detail']), int(data['attempts'])
-            goal = None if data.get('goal') is None else [float(each) for each in data['goal']]
+            goal = None if data.get('goal') is None else [float(coordinate) for coordinate in data['goal']]
             if goal is not None and not (len(goal) == 2 and all(map(math.isfinite, goal))):
                 raise ValueError(f'goal is {goal}: must be x and y in metres')
         except _NO_OBSERVATION as error:

@@ -40,14 +40,14 @@ TEXTS = tuple(name for name in Row._fields if name not in ('stamp_ns', *NUMBERS)
 
 
 def key_of(row: Row) -> tuple[int, str, str, float]:
-    """Return what identifies a row: a row with another value is another one."""
+    """Return the key of a row. It includes the value."""
     return row.stamp_ns, row.tag_id, row.sensor, row.value
 
 
 def rows_of(reading: 'TagReading', source: str, place_m: tuple[float, float] | None = None) -> list[Row]:
     """Return the rows of a TagReading, in the order of its sensors."""
     stamp_ns = reading.stamp.sec * 1_000_000_000 + reading.stamp.nanosec
-    values = ((each.name, each.value) for each in reading.readings)
+    values = ((sensor.name, sensor.value) for sensor in reading.readings)
     return make_rows(stamp_ns, reading.tag_id, values, reading.sim_time_of_day_seconds, source, place_m)
 
 
@@ -59,7 +59,7 @@ def make_rows(
     source: str,
     place_m: tuple[float, float] | None = None,
 ) -> list[Row]:
-    """Return a row for each name and value. The other arguments are columns; place_m is x and y or None."""
+    """Return one row per name and value. The other arguments are columns; place_m is x and y, or None."""
     head = stamp_ns, utc_of(stamp_ns), tag_id
     tail = *(place_m or (None, None)), sim_time_of_day_seconds, source
     return [Row(*head, sensor, value, unit_of(sensor), *tail) for sensor, value in values]
@@ -111,6 +111,6 @@ def _fault(row: Row, name: str, wanted: str) -> str:
 def csv_text(rows: Iterable[Row]) -> str:
     r"""Return rows as lines of CSV that end in \n, without the header."""
     lines: list[str] = []
-    # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
+    # The writer quotes \r and \n inside values, so a tag id cannot end a line.
     csv.writer(SimpleNamespace(write=lines.append)).writerows(rows)
     return ''.join(f'{line[:-2]}\n' for line in lines)

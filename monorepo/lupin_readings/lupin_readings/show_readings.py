@@ -109,9 +109,11 @@ class ShowReadingsNode(Node):
                 f'the field has {grid.columns} x {grid.rows} cells, more than the {MOST_CELLS_MARKED} that'
                 ' markers can show: only ~/field has it; for markers, set a larger resolution_m'
             )
-        self._received: dict[str, tuple[TagReading, float]] = {}  # the last of each tag, and when it arrived
-        self._extremes: list[float] = []  # of all readings so far: the colours do not flicker
-        self._cells: array.array[int] | None = None  # of the field; None if a reading has arrived since
+        self._received: dict[
+            str, tuple[TagReading, float]
+        ] = {}  # last readings by tag id, with arrival times
+        self._extremes: list[float] = []  # of all readings so far, so that the colours do not flicker
+        self._cells: array.array[int] | None = None  # of the field; None if they are out of date
         self._field_marker: Marker | None = None
         self._unknown_ids: set[str] = set()
         self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
@@ -159,10 +161,10 @@ class ShowReadingsNode(Node):
     def _samples(self) -> dict[str, tuple[float, float, float]]:
         """Return x and y in the layout and the value of each reading of the sensor, by tag id."""
         return {
-            tag_id: (*self._tags[tag_id][:2], each.value)
+            tag_id: (*self._tags[tag_id][:2], sensor.value)
             for tag_id, (reading, _) in self._received.items()
-            for each in reading.readings
-            if each.name == self._range.sensor and math.isfinite(each.value)
+            for sensor in reading.readings
+            if sensor.name == self._range.sensor and math.isfinite(sensor.value)
         }
 
     def _caption(self, samples: dict[str, tuple[float, float, float]]) -> str:
@@ -186,7 +188,7 @@ def _colour_range_of(settings: Settings) -> tuple[float, float]:
         where = f"'{settings.sim_config_file}'" if settings.sim_config_file else 'the greenhouse config'
         raise StartUpError(
             f'parameter sensor is {shown}: {where} has no visualization.colorbar_ranges with min < max'
-            f' for it (it has {", ".join(ranges) or "none"}): choose one of these, or set sim_config_file'
+            f' for this sensor: choose from {", ".join(ranges) or "none"}, or set sim_config_file'
         )
     return lowest, highest
 

@@ -14,7 +14,7 @@ ENDINGS = ('.sqlite', '.db')
 SQLITE_HEAD = b'SQLite format 3\0'
 APPLICATION_ID = 0x4C755250  # marks our files
 USER_VERSION = 1  # of the table
-LOCKED_FOR_SECONDS = 0.1  # how long a write waits for another program; then its rows wait in memory
+LOCKED_FOR_SECONDS = 0.1  # how long a write waits for another program; after that, the rows stay in memory
 WANTED = "name a file of record_readings, or a mission's report"
 _TABLE = """
 CREATE TABLE readings (
@@ -33,7 +33,7 @@ CREATE TABLE readings (
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no user text)
 _SELECT = f'SELECT {HEADER} FROM readings ORDER BY stamp_ns, rowid'  # noqa: S608 (no user text)
-# SQLite keeps values of any type, also in a file of ours that another program has changed.
+# SQLite accepts values of any type, so another program can have written wrong ones.
 _IS_WRONG = ' OR '.join(
     [
         "typeof(stamp_ns) <> 'integer' OR stamp_ns < 0",
@@ -53,7 +53,7 @@ class ReadingFileError(OneLineError):
     """A file holds no readings, or cannot be read."""
 
     def __init__(self, path: Path | str, error: Exception) -> None:
-        """Say what is wrong, and which file to name instead."""
+        """Make a message of the error and the fix."""
         super().__init__(f"'{path}': {reason_of(error)}: {WANTED}")
 
 
@@ -89,7 +89,9 @@ class Store:
                 before = connection.total_changes
                 with connection:  # commits, or rolls back
                     connection.executemany(_INSERT, rows)
-                if self._identity == _identity_of(self._path):  # otherwise nobody may find these rows
+                if self._identity == _identity_of(
+                    self._path
+                ):  # otherwise the rows went to a deleted or moved file
                     return connection.total_changes - before
         except (OSError, ValueError, sqlite3.Error) as error:
             self.close()
@@ -107,7 +109,7 @@ class Store:
         if self._connection and identity == self._identity:
             return self._connection
         self.close()
-        # Whoever spins the node uses it, one after the other.
+        # Several threads can use the connection, but only one at a time.
         connection = sqlite3.connect(self._path, timeout=LOCKED_FOR_SECONDS, check_same_thread=False)
         self._connection = connection
         with connection:
@@ -136,12 +138,12 @@ def _identity_of(path: Path) -> Identity | None:
 
 
 def read_rows(path: Path | str) -> list[Row]:
-    """Return the rows of a file, sorted by stamp; raises ReadingFileError for another or a wrong file."""
+    """Return the rows of a file, sorted by stamp; raises ReadingFileError if it is not a valid file."""
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
             raise ValueError('not a regular file')
-        # Writable: of a recorder that was killed in the middle of a commit, SQLite first restores the file.
+        # Writable, because SQLite first repairs the file if a recorder was killed during a commit.
         address = f'{path.resolve(strict=True).as_uri()}?mode=rw'
         with contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
             if wrong := connection.execute(_SELECT_WRONG).fetchone():

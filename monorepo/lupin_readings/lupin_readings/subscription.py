@@ -20,7 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
 
 NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
-DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
+DEPTH = 2000  # waiting readings: 1000 per second while a file is written for two seconds
 OF_A_MISSION = ' (make mission has a domain of its own: record it with RECORD=FILE)'
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
@@ -39,7 +39,7 @@ def topics_of(readings_topics: object) -> list[str]:
     topics = readings_topics
     if isinstance(topics, str):
         topics = topics.replace(',', ' ').split()
-    if not (isinstance(topics, Sequence) and topics and all(isinstance(each, str) for each in topics)):
+    if not (isinstance(topics, Sequence) and topics and all(isinstance(topic, str) for topic in topics)):
         raise invalid('readings_topics', readings_topics, 'the name of a topic, or an array of names')
     return list(dict.fromkeys(topics))
 
@@ -57,7 +57,7 @@ def subscribe_to_readings(
     last: dict[tuple[object, ...], None] = {}  # the keys of the last readings, oldest first
 
     def once(topic: str, reading: TagReading) -> None:
-        values = ((each.name, repr(each.value)) for each in reading.readings)  # nan differs from itself
+        values = ((sensor.name, repr(sensor.value)) for sensor in reading.readings)  # nan != nan
         key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *values
         if key not in last:
             last[key] = None
@@ -82,24 +82,24 @@ def subscribe_to_readings(
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
-    # A mission names its one topic to its own recorder.
+    # The recorder of `make mission` has one topic, and does not need the remark.
     remark = OF_A_MISSION if len(names) > 1 else ''
     watch_publishers(node, names, 'a mission or read_on_sight that starts', remark)
     return names
 
 
 def watch_publishers(node: Node, topics: list[str], awaited: str, remark: str = '') -> None:
-    """Log that there is no publisher for a while, and what to wait for; and when the first one comes."""
-    has_said, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
+    """Log once if there is no publisher for a while, and again when the first publisher appears."""
+    has_logged, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
 
     def look() -> None:
-        nonlocal has_said
+        nonlocal has_logged
         if found := [topic for topic in topics if node.count_publishers(topic)]:
             timer.cancel()
-            if has_said:
+            if has_logged:
                 node.get_logger().info(f'{found[0]} has a publisher now')
-        elif not has_said and time.monotonic() >= deadline:
-            has_said = True
+        elif not has_logged and time.monotonic() >= deadline:
+            has_logged = True
             node.get_logger().info(
                 f'no publisher of {" or ".join(topics)} is found yet on domain {domain_id()}:'
                 f' wait for {awaited}, or set ROS_DOMAIN_ID to its domain{remark}'

@@ -1,4 +1,4 @@
-"""What a file of readings tells, in words: the head of the page. Does not import ROS."""
+"""The summary of a file of readings in words, for the head of the page. Does not import ROS."""
 
 import re
 from collections import Counter
@@ -29,7 +29,7 @@ class Failures(NamedTuple):
 def failures_of(visits: Iterable[Observation]) -> list[Failures]:
     """Return the tags whose last visit failed, by reason: the largest group first."""
     groups: dict[tuple[str, str], list[str]] = {}
-    for visit in {each.tag_id: each for each in visits}.values():
+    for visit in {visit.tag_id: visit for visit in visits}.values():
         if visit.outcome != 'OK':
             key = outcome_text(visit.outcome), failure_reason(visit.detail)
             groups.setdefault(key, []).append(visit.tag_id)
@@ -39,12 +39,12 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
 
 def goals_of(visits: Iterable[Observation], walls: Walls) -> dict[str, tuple[float, float]]:
     """Return the goal that the last visit of each tag did not reach, if it is within the walls."""
-    last = {each.tag_id: None if each.outcome == 'OK' else each.goal for each in visits}
+    last = {visit.tag_id: None if visit.outcome == 'OK' else visit.goal for visit in visits}
     return {tag_id: goal for tag_id, goal in last.items() if goal and walls.has_inside(*goal)}
 
 
 def is_complete(sensors_of: Mapping[str, Iterable[str]], sensors: Iterable[str], layout: Layout) -> bool:
-    """Return whether each of these tags lacks only values of sensors that it does not have."""
+    """Return whether these tags have values of all their sensors."""
     return all(
         tag_id in layout.tags and {*sensors}.difference(found).isdisjoint(layout.tags[tag_id].sensors)
         for tag_id, found in sensors_of.items()
@@ -54,8 +54,8 @@ def is_complete(sensors_of: Mapping[str, Iterable[str]], sensors: Iterable[str],
 def failure_counts(failures: Iterable[Failures]) -> dict[str, int]:
     """Return how many tags failed with each word, the most frequent first."""
     counts = Counter[str]()
-    for each in failures:
-        counts[each.word] += len(each.tag_ids)
+    for failure in failures:
+        counts[failure.word] += len(failure.tag_ids)
     return dict(counts.most_common())
 
 
@@ -66,9 +66,9 @@ def outcome_text(outcome: str) -> str:
 
 def failure_reason(detail: str) -> str:
     """
-    Return why a visit failed: what happened, and then with which code of Nav2, without the action's name.
+    Return why a visit failed: what happened, then Nav2's code, without the name of the action.
 
-    A position in it stays on one line.
+    Positions in the text stay on one line.
     """
     reason = re.sub(r'[^\s:;][^:;]*\b(code \d+): ([^;]+)', r'\2 (Nav2 \1)', escaped(detail, LONGEST_REASON))
     return re.sub(r'(\d), (-?[\d.]+) m\b', '\\1,\u00a0\\2\u00a0m', reason)
@@ -91,7 +91,7 @@ def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, lis
 
 
 def duration_text(first_ns: int, last_ns: int) -> str:
-    """Return the time between two stamps, as both are shown in whole seconds, such as `7 s`."""
+    """Return the time between two stamps, both cut to whole seconds, such as `7 s`."""
     seconds = last_ns // 10**9 - first_ns // 10**9
     if seconds < 120:
         return f'{seconds} s'
@@ -99,7 +99,7 @@ def duration_text(first_ns: int, last_ns: int) -> str:
 
 
 def greenhouse_times(rows: list[Row]) -> str:
-    """Return from when to when rows reach in the greenhouse, and over how many days if over several."""
+    """Return the first and last time of day in the greenhouse, and the number of days if more than one."""
     times = [row.sim_time_of_day_seconds for row in rows]
     span = ' to '.join(dict.fromkeys(map(clock_time, (times[0], times[-1]))))
     midnights = int((np.diff(times) < 0.0).sum())  # at least: a pause can hide one

@@ -217,7 +217,7 @@ def test_names_of_any_kind_are_shown(report, tmp_path):
 def test_of_a_file_without_rows_there_is_no_page(recording, capsys):
     path = recording('day.sqlite', [])
     assert readings_page.main([str(path)]) == 1
-    assert capsys.readouterr().err == f"readings_page: '{path}': holds no readings: there is no page\n"
+    assert capsys.readouterr().err == f"readings_page: '{path}' holds no readings: no page is made\n"
     assert not path.with_suffix('.html').exists()
 
 
@@ -251,15 +251,15 @@ def test_a_value_that_another_one_hides_is_said(recording, capsys):
     Store(str(path)).keep([row, row._replace(value=500.0)])
     (tag,) = (each for each in shown(path)['tags'] if each['id'] == 'a1')
     assert tag['values'] == [500.0]
-    hidden = '1 value with the stamp, tag and sensor of another value: the last one is shown'
-    assert f'readings_page: {path}: {hidden}' in capsys.readouterr().err.splitlines()
+    hidden = 'not shown: 1 value with the stamp, tag and sensor of a later value'
+    assert f"readings_page: '{path}': {hidden}" in capsys.readouterr().err.splitlines()
 
 
 def test_positions_of_another_greenhouse_are_refused(write_layout, recording, capsys):
     path, tag_file = recording('readings.sqlite', [7.0]), write_layout({'a1': (1.0, 2.5)})
     assert readings_page.main([str(path), '--tag-file', tag_file]) == 2
     assert capsys.readouterr().err == (
-        f"readings_page: '{path}': tag 'a1' is at (1, 2) in it, and at (1, 2.5) in {tag_file}: name the"
+        f"readings_page: tag 'a1' is at (1, 2) in '{path}', but at (1, 2.5) in {tag_file}: name the"
         ' tag_file of its bridge with --tag-file\n'
     )
     assert readings_page.main([str(path), '--tag-file', write_layout({'a1': (1.0, 2.001)})]) == 0
@@ -268,8 +268,8 @@ def test_positions_of_another_greenhouse_are_refused(write_layout, recording, ca
 @pytest.mark.parametrize(
     ('words', 'fault'),
     [
-        ('FILE --route ROUTE', "--route 'ROUTE': is not a CSV file of x,y in metres: name another"),
-        ('FILE --route tags.json', "--route 'tags.json': is not a CSV file of x,y in metres: name another"),
+        ('FILE --route ROUTE', "--route 'ROUTE' is not a CSV file of x,y in metres: name another"),
+        ('FILE --route tags.json', "--route 'tags.json' is not a CSV file of x,y in metres: name another"),
         ('FILE --route none.csv', "--route 'none.csv': No such file or directory"),
         ('FILE -o .', "--output '.' is a folder: name a file in it"),
         ('FILE -o page.png', "--output 'page.png' is a page: its name must end in .html"),
@@ -281,7 +281,10 @@ def test_positions_of_another_greenhouse_are_refused(write_layout, recording, ca
         ('FILE --sim-config-file tags.json', "'time' is a required property"),
         ('tags.json', 'is not an observation'),
         ('FILE.csv', "'FILE.csv': line 1 is not an observation (it is not JSON): name a file of record"),
-        ('REPORT --tag-file tags.json', "2 of the file's 2 tags are not in it, such as '1': name the"),
+        (
+            'REPORT --tag-file tags.json',
+            "--tag-file 'tags.json' lacks 2 of the 2 tags in 'REPORT', such as '1': name the",
+        ),
         ('config.yml', "'config.yml': No such file or directory: name a file of record_readings"),
     ],
 )
@@ -335,7 +338,4 @@ def test_one_sensor_is_shown_if_it_is_wanted(report, capsys):
     assert [each['name'] for each in data['sensors']] == ['humidity', 'CO₂']
     assert data['counts'][0][0].startswith('2 of ')
     assert readings_page.main([str(path), '--sensor', 'x']) == 2
-    assert (
-        "--sensor 'x': FILE does not have it: choose from temperature, humidity, co2"
-        in capsys.readouterr().err
-    )
+    assert "--sensor 'x' is not in FILE, which has temperature, humidity, co2" in capsys.readouterr().err

@@ -161,7 +161,7 @@ def test_a_row_with_a_wrong_number_is_refused_and_counted(start_recorder, readin
     assert recorder.end() == 0
     said = capfd.readouterr().err
     assert r"tag 'new\nline': value of co2 is nan: must be a finite number: 1 row refused so far" in said
-    assert '1 row refused: a number cannot be right' in said
+    assert '1 row refused, because a value is invalid' in said
 
 
 def test_a_thousand_readings_that_have_arrived_at_the_end_are_all_kept(readings, shipped_tags, file):
@@ -190,7 +190,7 @@ def bridge_with(**parameters):
         yield
 
 
-NOT_REPORTED = 'the bridge did not report its tag_file: positions are those of mdp-greenhouse'
+NOT_REPORTED = 'the bridge did not report its tag_file: using the positions of mdp-greenhouse'
 
 
 def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, readings, file, write_layout, capfd):

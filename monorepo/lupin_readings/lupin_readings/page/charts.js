@@ -9,7 +9,7 @@ import { choose, show_chosen } from './choice.js';
 
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
-const ONE_MOMENT_MS = SECOND_MS;  // in which a chart would say nothing
+const ONE_MOMENT_MS = SECOND_MS;  // readings within this time have no chart
 const SMALLEST_SIDE = 120;  // of a chart
 const ABOVE = 8, BELOW = 26;  // the lines, of which the latter has the times
 const FROM_EDGE = 10, LEFT_OF_CHART = 6, ABOVE_EDGE = 8;  // of the numbers of the axes
@@ -45,17 +45,17 @@ export function draw_charts(is_again = false) {
   // The heading is the first of the cells if they would not fill the last row.
   const columns = getComputedStyle(element('charts')).gridTemplateColumns.split(' ').length;
   element('charts').classList.toggle('first', figures.length % columns > 0);
-  // After all figures are there, which changes their sizes. Their times are below each other.
+  // Measured after all figures exist, which changes their sizes. All charts have the same time axis.
   const charts = figures.map(([sensor, place, readout]) => {
-    const size = size_of(place).map(each => Math.max(Math.floor(each), SMALLEST_SIDE));
+    const size = size_of(place).map(side => Math.max(Math.floor(side), SMALLEST_SIDE));
     return { sensor, place, readout, size, values: value_axis(sensor), labels: column_of(sensor, size[1]) };
   });
-  const numbers = charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each))));
+  const numbers = charts.flatMap(({ values }) => values.ticks.map(value => width_of(values.text(value))));
   const left = FROM_EDGE + Math.max(...numbers), beside = Math.max(...charts.map(({ labels }) => labels.width));
   for (const chart of charts) draw_chart(chart, left, chart.size[0] - beside);
   const { offsetHeight } = element('lines');
   element('series').textContent = legend();
-  if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in what room is left
+  if (element('lines').offsetHeight !== offsetHeight && !is_again) draw_charts(true);  // in the room that is left
   show_chosen();
 }
 
@@ -133,7 +133,7 @@ const end_text = (sensor, tag) =>
 function draw_line(svg, { tag, points, is_bold }) {
   const group = mark(svg, 'g', { class: is_bold ? 'series marked' : 'series', 'data-tag': tag.id });
   const runs = runs_of(points).filter(run => run.length > 1);
-  for (const run of runs.filter(each => each.some(p => p.low < p.high))) {
+  for (const run of runs.filter(points => points.some(p => p.low < p.high))) {
     const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
     mark(group, 'path', { class: 'band', d: path_of(band) });
   }
@@ -178,7 +178,7 @@ function time_axis(width) {
   const room = Math.max((last - first) * TIME_ROOM, is_wall ? SMALLEST_WALL_ROOM_MS : SMALLEST_DAY_ROOM_MS);
   const low = first - room, high = last + room;
   const least = (high - low) / Math.max(width / (is_wall ? WALL_STEP : DAY_STEP), 1);
-  const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
+  const step = WALL_STEPS_MS.find(ms => ms >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
   const offset = is_wall ? new Date(first).getTimezoneOffset() * MINUTE_MS : 0;
   const every = ms => ticks_of(low - offset, high - offset, ms).map(at => at + offset), ticks = every(step);
   const length = (step < MINUTE_MS ? 'HH:MM:SS' : 'HH:MM').length, year = ' YYYY'.length;

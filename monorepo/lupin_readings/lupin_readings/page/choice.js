@@ -1,4 +1,4 @@
-// The chosen tag, which is marked in the map, the table and the charts.
+// The chosen tag. The map, the table and the charts mark it.
 import { address, data, element, facts_of, placed_tags } from './data.js';
 import { write_pieces } from './drawing.js';
 
@@ -10,7 +10,7 @@ export function choose(tag) {
   show_chosen();
 }
 
-// Chooses a tag so many places after the one that has the focus, and focuses it.
+// Moves the choice and the focus by a number of tags.
 export function choose_next(step) {
   const here = placed_tags.findIndex(tag => tag.id === document.activeElement.dataset.tag);
   choose(placed_tags[(here + step + placed_tags.length) % placed_tags.length]);
@@ -20,11 +20,11 @@ export function choose_next(step) {
 export function show_chosen() {
   const tag = chosen_tag(), focused = document.activeElement;
   write_pieces(element('facts'), tag ? facts_of(tag) : []);
-  for (const each of document.querySelectorAll('[data-tag]')) {
-    const is_chosen = each.dataset.tag === tag?.id;
-    each.classList.toggle('chosen', is_chosen);
-    each.ariaCurrent = is_chosen ? 'true' : null;
-    if (is_chosen && each.localName !== 'tr' && each.nextSibling) each.parentNode.append(each);  // above the others
+  for (const marked of document.querySelectorAll('[data-tag]')) {
+    const is_chosen = marked.dataset.tag === tag?.id, is_row = marked.localName === 'tr';
+    marked.classList.toggle('chosen', is_chosen);
+    marked.ariaCurrent = is_chosen ? 'true' : null;
+    if (is_chosen && !is_row && marked.nextSibling) marked.parentNode.append(marked);  // above the others
   }
   const dots = [...document.querySelectorAll('#map a')];
   const current = dots.find(dot => dot.dataset.tag === tag?.id) ?? dots[0];

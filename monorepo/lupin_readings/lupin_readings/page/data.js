@@ -1,10 +1,10 @@
-// The data of the page, and how they are written. The address tells which tag is chosen: #tag=28.
+// The data of the page, and their texts. The address of the page names the chosen tag: #tag=28.
 export const element = id => document.getElementById(id);
 export const data = JSON.parse(element('data').textContent);
 export const state = { sensor: 0, clock: 'wall' };  // the sensor of the map, and the clock of the charts
 data.tags.forEach((tag, number) => { tag.number = number; });
 for (const { extremes, unit } of data.sensors) {
-  for (const each of extremes) each[0] = each[0].replace(` ${unit}`, `\u00a0${unit}`);  // on one line
+  for (const extreme of extremes) extreme[0] = extreme[0].replace(` ${unit}`, `\u00a0${unit}`);  // on one line
 }
 
 export const SECOND_MS = 1000, MINUTE_MS = 60 * SECOND_MS, HOUR_MS = 60 * MINUTE_MS;
@@ -13,7 +13,7 @@ export const NO_ROOM = 'of the numbers have no room: choose a tag to see its own
 
 export const placed_tags = data.tags.filter(tag => tag.x !== null);
 export const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 'read');
-// If all failures have the same word, it stands in the key and not beside each tag.
+// If all failures have the same word, the key shows it, and not each tag.
 export const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
 export const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
 export const address = id => `#tag=${encodeURIComponent(id)}`;
@@ -36,7 +36,7 @@ export const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)}\u
 // Returns the names of the sensors that a failed tag has.
 const list = new Intl.ListFormat('en-GB');
 export const lost_of = tag =>
-  list.format(data.sensors.filter(each => each.failed[tag.number]).map(each => each.name));
+  list.format(data.sensors.filter(sensor => sensor.failed[tag.number]).map(sensor => sensor.name));
 
 export const facts_of = tag => [
   `tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
@@ -47,10 +47,10 @@ export const facts_of = tag => [
 
 // Scales
 
-// Returns the smallest of 1, 2, 5, 10, 20, 50 and so on that is at least this.
+// Returns the smallest of 1, 2, 5, 10, 20, 50 and so on that is not below `least`.
 export function nice_step(least) {
   const power = 10 ** Math.floor(Math.log10(least)), rounding = 0.999;
-  return [1, 2, 5, 10].map(each => each * power).find(each => each >= least * rounding);
+  return [1, 2, 5, 10].map(digit => digit * power).find(step => step >= least * rounding);
 }
 
 // Returns the multiples of a step from low to high.

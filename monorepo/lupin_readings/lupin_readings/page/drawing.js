@@ -1,7 +1,7 @@
 // Draws elements. A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const UNITS_PER_REM = 16;
 const pen = document.createElement('canvas').getContext('2d');
-pen.font = '11px system-ui, sans-serif';  // as the texts of each drawing
+pen.font = '11px system-ui, sans-serif';  // the font of all drawings
 export const HALF_TEXT = 4;  // from the middle of a number to its baseline
 export const width_of = text => pen.measureText(text).width;
 
@@ -28,14 +28,14 @@ export function start_drawing(parent, width, height, more) {
   return mark(parent, 'svg', { width: rem(width), height: rem(height), viewBox: `0 0 ${width} ${height}`, ...more });
 }
 
-// Returns the point of a drawing that is nearest to an event and less far from it than this.
+// Returns the point that is nearest to an event, or null if none is nearer than `farthest`.
 export function nearest(points, svg, event, farthest) {
   const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
   const distance = p => Math.hypot(p.x - x, p.y - y);
   return points.reduce((best, p) => distance(p) < (best ? distance(best) : farthest) ? p : best, null);
 }
 
-// Writes texts with a dot between them, with which no line begins or ends.
+// Writes texts with dots between them. No line begins or ends with a dot.
 export function write_pieces(place, texts, is_bad = () => false) {
   place.replaceChildren();
   place.classList.toggle('pieces', texts.length > 0);
@@ -49,7 +49,7 @@ export function write_pieces(place, texts, is_bad = () => false) {
 export const write = (svg, x, y, text, anchor, name = 'muted') =>
   mark(svg, 'text', { class: name, x, y, 'text-anchor': anchor }, text);
 export const path_of = points =>
-  `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
+  `M${points.map(point => point.map(coordinate => coordinate.toFixed(1)).join()).join('L')}`;
 export const cross_at = (x, y, arm) =>
   `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
 export const filled = fill => ({ fill, style: `--value: ${fill}` });

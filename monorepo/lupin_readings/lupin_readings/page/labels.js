@@ -1,4 +1,4 @@
-// Places labels beside their dots, where they cover nothing and tell whose they are.
+// Places each label beside its dot, where it covers nothing and belongs clearly to this dot.
 import { clamp } from './data.js';
 import { mark, write } from './drawing.js';
 
@@ -9,7 +9,7 @@ const ASIDE_OF_DOT = 4, ABOVE_DOT = 1;  // between a dot and its label, at its s
 const RING_ASIDE = 12, RING_ABOVE = 11;  // between the rings of places around a dot
 const MOST_RINGS = 8;  // but only one in a crowd
 const CROWD = 200;  // boxes near a dot, or labels
-const CLEAR = 12;  // from a label to the ring of another tag, if it can
+const CLEAR = 12;  // from a label to the ring of another tag, if possible
 const LEADER_STEP = 3, LEADER_WIDTH = 2;  // of the boxes along the line from a dot to its label
 const SHORTEST_LEADER = 10, LEADER_GAP = 3;  // of this line, and between it and the label
 const MOST_COVERED = 1;  // a label that covers more is hidden
@@ -49,7 +49,7 @@ function places_in(aside, above, slants) {
 }
 
 // Returns the best place of a label: its box, the boxes along its line to the dot, how much both cover, and
-// whether the line is needed to tell whose label it is. A label is { x, y, radius, width } of its dot and its text;
+// whether it needs this line to be clear. A label is { x, y, radius, width } of its dot and its text;
 // with an empty `pad` at both ends of the text; `beside` is what a place at the side costs more.
 // It must not cover what is `taken`, and lies in the `room`. If it must, it crosses the `route`, is nearer to another
 // of the `dots`, and lies where other labels are planned. `more` are further slanting places.
@@ -63,7 +63,7 @@ export function place_label(label, { taken, room, route, dots = [], more = [], p
   const near = {
     taken: taken.filter(is_near),
     route: route.filter(is_near),
-    planned: [...plans?.values() ?? []].flatMap(each => [...boxes_of(each), with_space(each.box)]).filter(is_near),
+    planned: [...plans?.values() ?? []].flatMap(plan => [...boxes_of(plan), with_space(plan.box)]).filter(is_near),
     dots: dots.filter(dot => is_near(around(dot.x, dot.y, 1, 1)) && (dot.x !== x || dot.y !== y)),
   };
   const gap = ([left, top, right, bottom], dot) =>
@@ -107,7 +107,7 @@ export const write_in = (parent, [left, , right, bottom], name, text = '') =>
 export const draw_leader = (parent, x1, y1, x2, y2) =>
   parent.prepend(mark(parent, 'line', { class: 'leader', x1, y1, x2, y2 }));
 
-// Plans the places of labels several times, so that one gives way to another that has fewer places.
+// Plans the places of labels several times, so that a label gives way to one that has fewer places.
 export function plan_labels(labels, surroundings) {
   surroundings.plans = new Map();
   for (const weight of labels.length > CROWD ? [] : PLAN_WEIGHTS) {

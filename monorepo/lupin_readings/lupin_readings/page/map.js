@@ -12,16 +12,16 @@ import { choose, show_chosen } from './choice.js';
 const MARGINS = { left: 32, right: 1, top: 6, bottom: 20 };  // around the map, for its axes
 const AXIS_STEP = 60;  // at least, between two numbers
 const BELOW_MAP = 15, LEFT_OF_MAP = 7, LEFT_OF_NAME = 9;  // of the numbers and names of the axes
-const BAR_SHARE = 0.6;  // of the width of the map, that the bar of the colours has
+const BAR_SHARE = 0.6;  // width of the colour bar, as a share of the map
 const LARGEST_DOT = 7, SMALLEST_DOT = 2.5, EMPTY_DOT = 4.5;  // radii
 const EXTREME_RING = 3;  // around the dot of the lowest and of the highest value
-const WIDEST_ID = 12;  // so many characters of an id are bold, which takes a unit each
-const FAILED_BESIDE = 0.2;  // what the label of a failed tag costs more beside it, like a part of the next value
+const WIDEST_ID = 12;  // characters of an id that are bold; each takes one more unit
+const FAILED_BESIDE = 0.2;  // extra cost of a failed tag's label at its side, where it looks like part of a value
 const ROUTE_STEP = 6, ROUTE_WIDTH = 4, ARROW_WIDTH = 6;  // of the boxes along the route that labels avoid
 const STOP_RADIUS = 3, START_RADIUS = 4.5, END_SIDE = 8;  // of the marks on the route
 const END_WIDTH = 10, END_RADIUS = 5, END_SPACE = 16;  // of the words at its ends
 const ARROW = 'M5 0L-4 -3.5L-4 3.5Z';
-const ONE_PLACE_M = 0.1;  // in which a route ends where it starts
+const ONE_PLACE_M = 0.1;  // a route that ends this near to its start is round
 const GOAL_RADIUS = 4, GOAL_WIDTH = 12;  // of where the robot could not stand
 const FINGER = 22;  // is larger than a dot
 const TAB_HEIGHT = 220, TAB_MARGIN = 2, TAB_DOT_M = 0.22, SMALLEST_TAB_DOT = 1.5, LARGEST_TAB_DOT = 6;
@@ -130,7 +130,7 @@ function draw_route(svg, { x, y }) {
   }
   for (const [cx, cy] of data.stops) mark(svg, 'circle', { class: 'stop', cx: x(cx), cy: y(cy), r: STOP_RADIUS });
   mark(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: START_RADIUS });
-  const [left, top] = end.map(each => each - END_SIDE / 2);
+  const [left, top] = end.map(centre => centre - END_SIDE / 2);
   mark(svg, 'rect', { class: 'end', x: left, y: top, width: END_SIDE, height: END_SIDE });
 }
 
@@ -211,7 +211,7 @@ export function draw_tab(sensor, number) {
   mark(tab, 'b', {}, sensor.name);
   draw_small_map(tab, sensor);
   mark(tab, 'span', {}, sensor.value_range);
-  const [low, high] = sensor.limits.map(each => short(each, 3));
+  const [low, high] = sensor.limits.map(limit => short(limit, 3));
   const key = mark(tab, 'span', { class: 'key' });
   key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
   for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);

@@ -11,7 +11,7 @@ import { draw_charts, has_charts, is_line, is_long } from './charts.js';
 const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 
 function write_head() {
-  const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
+  const whole = text => text.replaceAll(' ', '\u00a0');  // stays on one line
   const ends = new Set(data.span_ms.map(ms => whole(`${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`)));
   const duration = ends.size > 1 ? ` (${whole(data.duration)})` : '', last = data.span_ms.at(-1);
   const span = ends.size ? `${[...ends].join(' to ')} ${short_zone(last)}${duration}` : '';
@@ -19,11 +19,11 @@ function write_head() {
   element('title').textContent = ['Simulated readings', ...when].filter(Boolean).join(', ');
   write_pieces(element('counts'), data.counts.map(([text]) => text), number => data.counts[number][1]);
   write_pieces(element('file'), [data.title, data.greenhouse_times].filter(Boolean));
-  data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
+  data.failures.forEach(failure => write_tags(mark(element('failures'), 'li'), failure, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
 
-// Shows what the page has to explain, and hides the rest of the key.
+// Shows the explanations that this page needs, and hides the others.
 function write_explanations() {
   const has_blanks = tags_in_table.some(tag => !tag.has_failed && tag.values.includes(null));
   const shown = {
@@ -67,10 +67,10 @@ function follow_keys() {
   });
   document.addEventListener('keydown', event => { if (event.key === 'Escape') choose(); });
   document.querySelector('#chosen button').addEventListener('click', () => choose());
-  for (const each of document.querySelectorAll('[name=clock]')) {
-    each.checked = each.value === state.clock;
-    each.addEventListener('change', () => {
-      state.clock = each.value;
+  for (const button of document.querySelectorAll('[name=clock]')) {
+    button.checked = button.value === state.clock;
+    button.addEventListener('change', () => {
+      state.clock = button.value;
       draw_charts();
     });
   }

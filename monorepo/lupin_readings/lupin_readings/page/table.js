@@ -5,15 +5,15 @@ import {
 import { mark } from './drawing.js';
 import { choose } from './choice.js';
 
-const ONE_TIME_MS = MINUTE_MS;  // in which the times of the tags would say nothing
+const ONE_TIME_MS = MINUTE_MS;  // readings within this time need no column of times
 const MOST_WITHOUT_SEARCH = 50;  // rows
 const last_stamps = data.tags.map(tag => tag.stamp_ms).filter(ms => ms !== null).sort((a, b) => a - b);
 const dates = [...new Set(last_stamps.map(date))], is_over_days = dates.length > 1;
 const has_times = last_stamps.at(-1) - last_stamps[0] >= ONE_TIME_MS;
 const has_attempts = data.tags.some(tag => tag.attempts > data.fewest_attempts);
 
-// What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers, and only columns that
-// are `of_failed`. A phone shows what is `aside` at the right.
+// Each column has the text that it shows and the key that it sorts by. A failed tag has its reason in place of the
+// numbers, and only the columns with `is_of_failed`. A phone shows the columns with `is_aside` at the right.
 const columns = [
   { name: 'tag', key: tag => tag.number },
   ...data.sensors.map((sensor, n) => ({
@@ -42,7 +42,7 @@ export function write_table() {
   table.classList.toggle('timed', asides.length > 0 && !is_over_days);  // a phone shows them beside the values
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
-  data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
+  data.unread.forEach(unread => write_tags(mark(element('unread'), 'p'), unread, ''));
   const search = document.querySelector('input[type=search]');
   search.hidden = tags_in_table.length <= MOST_WITHOUT_SEARCH;
   search.addEventListener('input', () => {
@@ -55,7 +55,7 @@ function write_head_of(head, column) {
   const name = column.is_aside ? 'number aside' : column.text ? 'number' : '';
   const cell = mark(head, 'th', { scope: 'col', class: name });
   const sort = is_descending => {
-    for (const each of head.children) each.removeAttribute('aria-sort');
+    for (const other of head.children) other.removeAttribute('aria-sort');
     cell.ariaSort = is_descending ? 'descending' : 'ascending';
     sort_table(column.key, is_descending ? -1 : 1);
   };
@@ -83,7 +83,7 @@ function write_row(body, tag) {
   tag.row.addEventListener('click', () => choose(tag));
 }
 
-// Sorts by a key, with the failures first and what has no value last.
+// Sorts by a key: failures first, tags without a value last.
 function sort_table(key, sign) {
   const compare = (one, other) => {
     if (one.has_failed !== other.has_failed) return one.has_failed ? -1 : 1;
@@ -94,7 +94,7 @@ function sort_table(key, sign) {
   document.querySelector('tbody').append(...[...tags_in_table].sort(compare).map(tag => tag.row));
 }
 
-// Writes which tags were not read, and why: what happened, and then, small, with which code.
+// Writes which tags were not read, and why: what happened, then Nav2's code in small letters.
 export function write_tags(line, { word, reason, tags, more }, name) {
   line.append(tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
   tags.forEach((id, number) => {
