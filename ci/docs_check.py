@@ -5,9 +5,9 @@ Every link leads to a file, and its anchor to a heading. A table with a second c
 
     <!-- parameters of MODULE.CLASS -->
 
-and has only parameters of this dataclass, with their defaults. Together, the tables of a class have all of
-them. A line `<!-- tested by PATH::NAME -->` names a test that exists.
-Exit code: 0 no findings, 1 findings, one line each.
+and has only parameters of this dataclass, with their defaults. Together, the tables of a class have all
+parameters. A line `<!-- tested by PATH::NAME -->` names a test that exists.
+Exit code: 0 no findings, 1 findings, with one line per finding.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from lupin_greenhouse_bridge.runtime.parameters import default_text
 
 ROOT = Path(__file__).resolve().parents[1]
 FENCED = re.compile(r'^```.*?^```$', re.MULTILINE | re.DOTALL)
-LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # the latter of a <picture>
+LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # src and srcset are in a <picture>
 TABLE = re.compile(
     r'^(?:<!-- parameters of (\S+) -->\n)?\| \w+ \| default \|.*\n\|[-|]+\n((?:\|.*\n)+)', re.MULTILINE
 )
@@ -53,7 +53,7 @@ def missing_tests(root: Path, text: str) -> Iterator[str]:
     """Yield a finding for each test that a document names and that does not exist."""
     for file, name in TESTED.findall(text):
         if not (root / file).is_file() or f'def {name}(' not in (root / file).read_text(encoding='utf-8'):
-            yield f'there is no test {file}::{name}'
+            yield f'the test {file}::{name} does not exist'
 
 
 def parameters(text: str) -> Iterator[tuple[str, str, str]]:
@@ -75,7 +75,7 @@ def wrong_parameters(texts: dict[Path, str]) -> Iterator[str]:
     for name_of_class in documented.keys() - {''}:
         module, _, name = name_of_class.rpartition('.')
         fields = dataclasses.fields(getattr(importlib.import_module(module), name))
-        right = {f'{each.name} = {default_text(each)}' for each in fields}
+        right = {f'{field.name} = {default_text(field)}' for field in fields}
         for row in sorted(documented[name_of_class] ^ right):
             fault = 'is missing from' if row in right else 'is wrong in'
             yield f'{name_of_class}: {row} {fault} the documents'

@@ -8,7 +8,7 @@ and gets only the missing ones. Without ROS, it gets real rclpy, Fast DDS, ament
 DISTRO (kilted or jazzy), all pinned, and is an ament prefix. Each REQUIREMENT, such as mdp-greenhouse==1.0.7
 or a file of requirements, is installed over that.
 
-An environment that this program has made before is removed and made again.
+The program replaces an environment that it made earlier.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def missing_prerequisite() -> str:
         (Path(sysconfig.get_path('include'), 'Python.h').exists(), 'Python.h', 'python3-dev'),
         (shutil.which(os.environ.get('CXX', 'c++')), 'a C++ compiler', 'build-essential'),
     )
-    for is_there, what, package in needed:
-        if not is_there:
+    for is_installed, what, package in needed:
+        if not is_installed:
             return f'{what} is missing: sudo apt install {package}'
     return ''
 
@@ -69,7 +69,7 @@ def make(venv: Path, distro: str, requirements: list[str]) -> None:
     venv.mkdir(parents=True)
     (venv / OURS).touch()
     shared = ['--system-site-packages'] if is_sourced else []
-    # Not sys.executable, which a shell in the old environment has from there.
+    # Not sys.executable, which may be in the old environment.
     python = f'{sys.base_prefix}/bin/python{sys.version_info.major}.{sys.version_info.minor}'
     subprocess.run([python, '-m', 'venv', *shared, venv], check=True)
     if is_sourced:

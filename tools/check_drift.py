@@ -97,7 +97,7 @@ class Tree:
         return self.files[name].read_bytes().decode(errors='surrogateescape')
 
     def shared_text(self, name: str) -> str:
-        """Return a file without the rename and the divergence: as both trees must have it. Raises OSError."""
+        """Return what must be equal in both trees: a file without rename and divergence. Raises OSError."""
         text = self.text(name).replace(MSGS[self.name], MSGS['monorepo'])
         number = divergent_line(text) if name == NODE_FILE else 0
         lines = text.split('\n')
@@ -128,14 +128,14 @@ def divergent_line(text: str) -> int:
 
 
 def names_in(node: ast.AST) -> set[str]:
-    """Return the names that a node of the syntax tree may bind: all but those that it only reads."""
+    """Return the names that a node of the syntax tree may bind, without those that it only reads."""
     if isinstance(getattr(node, 'ctx', None), ast.Load):
         return set()
     return {value for _, value in ast.iter_fields(node) if isinstance(value, str)}
 
 
 def tracked_files(root: Path) -> set[str]:
-    """Return what git tracks below a folder; nothing without git, or outside a clone. Raises OSError."""
+    """Return the files that git tracks in a folder; none without git or outside a clone. Raises OSError."""
     command, environment = ['git', 'ls-files', '-z'], {**os.environ, 'LC_ALL': 'C'}
     try:
         result = subprocess.run(command, cwd=root, env=environment, capture_output=True, check=False)
@@ -189,8 +189,10 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
         heading = 'bridge_node.py'
         for tree, text in zip(trees, texts, strict=True):
             if UNDONE not in text.split('\n'):
-                told = f'must have {DIVERGENT_FUNCTION} once, and only: return {DIVERGENT_VALUE[tree.name]}'
-                yield Finding('allowed divergence', tree.files[name], told)
+                message = (
+                    f'must have {DIVERGENT_FUNCTION} once, and only: return {DIVERGENT_VALUE[tree.name]}'
+                )
+                yield Finding('allowed divergence', tree.files[name], message)
     # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
     ours, theirs = ([ascii(line) for line in text.splitlines(keepends=True)] for text in texts)
     if ours != theirs:

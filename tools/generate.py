@@ -27,7 +27,7 @@ else:
 ROOT = Path(__file__).resolve().parent.parent
 CORE = 'tools/core'
 MESSAGES = 'lupin_msgs'  # the message package in the core
-# One text for both trees, so that they do not differ by it; each has a page of this name.
+# The same text in both trees, which both have a CONTRIBUTING.md.
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
 COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.srv', '.yaml'), '# {}\n')
 COMMENTS |= dict.fromkeys(('.md', '.xml'), '<!-- {} -->\n')
@@ -56,8 +56,8 @@ def git(folder: Path, *arguments: str, text: str = '') -> str:
         capture_output=True, check=False, encoding='utf-8', errors='surrogateescape',
     )  # fmt: skip
     if result.returncode:
-        told = result.stderr.strip() or result.stdout.strip() or f'exit code {result.returncode}'
-        raise RefusedError(f'git {arguments[0]}: {told}')
+        reason = result.stderr.strip() or result.stdout.strip() or f'exit code {result.returncode}'
+        raise RefusedError(f'git {arguments[0]}: {reason}')
     return result.stdout
 
 
@@ -108,8 +108,8 @@ def exchange(content: bytes, divergence: Table, old: str, new: str) -> bytes:
     text = divergence[old].encode()
     if (found := content.count(text)) != 1:
         raise RefusedError(
-            f'{divergence["file"]}: must have {divergence[old].strip()!r} once, and has it {found} times:'
-            ' here the trees differ on purpose, as tools/twins.toml says'
+            f'{divergence["file"]}: must have {divergence[old].strip()!r} once, but has it {found} times:'
+            ' this is the line in which the trees differ, from tools/twins.toml'
         )
     return content.replace(text, divergence[new].encode())
 
@@ -154,10 +154,10 @@ def _listed(root: Path, *folders: str) -> list[str]:
 
 def compare(root: Path) -> tuple[Files, dict[str, str]]:
     """
-    Return what is rendered, and what is wrong in the trees, by path. Raises RefusedError.
+    Return the rendered files and the findings in the trees, both by path. Raises RefusedError.
 
-    Wrong is a file that is not as rendered, and one of a package that the core owns that is not rendered and
-    that git does not ignore.
+    A file is wrong if it differs from the rendered one. In the packages that the core owns, a file is also
+    wrong if the core does not render it, unless git ignores it.
     """
     rendered, table = render(root), load_table(root)
     stale = [path for path, file in rendered.items() if read(root / path) != file]
@@ -190,9 +190,9 @@ def refuse_to_lose(root: Path, rendered: Files, findings: dict[str, str]) -> Non
     edited = {path for path in existing if _blob((root / path).read_bytes()) not in known}
     if lost := [path for path in findings if path in edited or path not in rendered]:
         raise RefusedError(
-            'nothing was written. Somebody has edited what is generated, or a file is not from the core. Make'
-            ' this edit in tools/core (of the address, in tools/twins.toml), or move the file; to drop all of'
-            ' it: make generate ARGS=--force\n' + '\n'.join(findings[path] for path in lost)
+            'nothing was written: a generated file was edited, or a file is not from the core. Make the edit'
+            ' in tools/core (for the address of the mirror, in tools/twins.toml), or move the file. To drop'
+            ' all edits: make generate ARGS=--force\n' + '\n'.join(findings[path] for path in lost)
         )
 
 
@@ -246,8 +246,8 @@ def main(arguments: list[str] | None = None) -> int:
                 refuse_to_lose(options.root, rendered, findings)
             write(options.root, rendered, findings)
     except (RefusedError, OSError, KeyError) as error:
-        told = f'tools/twins.toml: {error} is missing' if isinstance(error, KeyError) else error
-        print(f'generate: {told}', file=sys.stderr)
+        reason = f'tools/twins.toml: {error} is missing' if isinstance(error, KeyError) else error
+        print(f'generate: {reason}', file=sys.stderr)
         return 2
     if options.check:
         end = f'{len(rendered)} generated files are what the core generates'

@@ -19,7 +19,7 @@ import check_drift
 import generate
 from generate import CORE, MESSAGES, ROOT, Parser, RefusedError, Table, git
 
-# A message arrives as it was written, whatever the settings of the one who imports it.
+# These options keep the message unchanged, whatever the user's git settings are.
 AM = ('am', '--quiet', '--3way', '--keep-non-patch', '--no-scissors', '--no-message-id')
 
 
@@ -89,7 +89,7 @@ def main() -> int:
     series = parser.parse_args().patch
     try:
         if not series.is_file():
-            raise RefusedError(f'PATCH={series} is no file: write PATCH=N.patch')
+            raise RefusedError(f'PATCH={series} is not a file: write PATCH=N.patch')
         if git(ROOT, 'status', '--porcelain'):
             raise RefusedError('commit or stash your own changes first')
         with tempfile.TemporaryDirectory(prefix='mirror-import-') as folder:

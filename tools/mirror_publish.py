@@ -115,13 +115,17 @@ def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[
     print(f'mirror-publish: splitting the history of {MIRROR}', file=sys.stderr, flush=True)
     main = git(here, 'subtree', '-q', 'split', f'--prefix={MIRROR}').strip()
     if MAIN in before and git(here, 'rev-list', '--count', before[MAIN], '--not', main) != '0\n':
-        told = 'main of the remote has commits that are not from here'
-        raise RefusedError(f'{told}: import them first: make mirror-import PATCH=N.patch')
+        raise RefusedError(
+            'main on the remote has commits that are not in this repository: import them first:'
+            ' make mirror-import PATCH=N.patch'
+        )
     after = {MAIN: main, READY: next_ready(here, before.get(READY, ''), main)}
     if release:
         after[tag] = main
         if before.get(tag, main) != main:
-            raise RefusedError(f'release {release} is {before[tag][:10]} already: choose another version')
+            raise RefusedError(
+                f'release {release} already exists ({before[tag][:10]}): choose another version'
+            )
     moved = {name: new for name, new in after.items() if before.get(name) != new}
     if moved:
         dry_run = ['--dry-run'] if is_dry_run else []

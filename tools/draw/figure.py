@@ -32,7 +32,7 @@ PAD_PIXELS = 5  # around a label
 LINES = 3  # of equal values, at most about
 # Protanopes and deuteranopes can tell them apart too.
 COLOURS = dict(zip(UNITS, ('#d55e00', '#3c69b4', '#a52dff', '#f0e442', '#009e73'), strict=True))
-# By the scheme: ink, paper, the other end of the field's shades, tables.
+# By scheme: the colours of ink, paper, the highest values of the field, and tables.
 SCHEMES = {'light': ('#1f2328', 'white', '0.7', '#b5936b'), 'dark': ('#e6edf3', '#0d1117', '0.44', '#a28157')}
 INKED = 'text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor'
 LEFT, RIGHT, BELOW, ABOVE = 0.7, 0.4, 1.5, 1.3  # margins in inches; an inch is a metre of the greenhouse
@@ -107,7 +107,7 @@ def draw_tags(axes: Axes, layout: Layout, tables: list[Bbox]) -> list[Bbox]:
     """Draw each tag as a disc, and write its id and its letters beside it; return what they cover."""
     taken = []
     for x, y, sensors in layout.tags.values():
-        for number, name in enumerate(sectors := [each for each in COLOURS if each in sensors]):
+        for number, name in enumerate(sectors := [sensor for sensor in COLOURS if sensor in sensors]):
             ends = (-90 - 360 * (number + after) / len(sectors) for after in (1, 0))  # clockwise
             style = {
                 'facecolor': COLOURS[name],
@@ -119,7 +119,7 @@ def draw_tags(axes: Axes, layout: Layout, tables: list[Bbox]) -> list[Bbox]:
         disc = Bbox.from_bounds(x - RADIUS_M, y - RADIUS_M, 2 * RADIUS_M, 2 * RADIUS_M)
         taken.append(disc.transformed(axes.transData))
     for tag_id, (x, y, sensors) in sorted(layout.tags.items(), key=lambda item: item[1].y):
-        label = f'{tag_id}: {"".join(letter_of(each) for each in COLOURS if each in sensors)}'
+        label = f'{tag_id}: {"".join(letter_of(sensor) for sensor in COLOURS if sensor in sensors)}'
         aside = 0.18 + 0.05 * len(label)
         places = [(x + aside, y), (x - aside, y), (x, y + 0.25), (x, y - 0.25)]
         taken.append(write(axes, label, places, taken, tables, weight='bold'))
@@ -140,7 +140,9 @@ def draw_field(
     )
     lines.set_zorder(0.5)
     for level, paths in zip(lines.levels, lines.allsegs, strict=True):
-        for path in (each for each in paths if len(each) and np.ptp(each, axis=0).max() > SHORTEST_M):
+        for path in paths:
+            if not len(path) or np.ptp(path, axis=0).max() <= SHORTEST_M:
+                continue
             places = np.clip(path, (0.3, 0.12), (width - 0.3, height - 0.12))
             far_right_first = places[np.argsort(-places[:, 0], kind='stable')]
             taken = [*taken, write(axes, f'{level:g} {unit_of(SENSOR)}', far_right_first, taken)]
@@ -160,7 +162,7 @@ def write(
     avoided: Sequence[Bbox] = (),
     **style: Any,
 ) -> Bbox:
-    """Write a text at the first of the places where it hides least of what is taken; return its box."""
+    """Write a text at the first place where it overlaps the taken boxes least; return its box."""
     plate = {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none'}
     label = axes.text(0, 0, text, ha='center', va='center_baseline', zorder=4, bbox=plate, **style)
 

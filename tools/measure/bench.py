@@ -18,11 +18,11 @@ from client import Caller, Server, call_together, is_short, own_domain, start_cl
 
 PLAIN_WRAPPER = [sys.executable, str(Path(__file__).with_name('plain_wrapper.py'))]
 CLIENTS, BURST = 16, 200
-TIMEOUT_SECONDS = 0.1  # of a call of many clients: who waits longer for a lost reply calls less often
+TIMEOUT_SECONDS = 0.1  # for many clients: a longer wait for a lost reply would reduce the number of calls
 
 
 def in_turns(measure: Callable[[Server], float], servers: list[Server], rounds: int) -> np.ndarray:
-    """Measure both servers in each round, each of them as often first; return a row for each round."""
+    """Measure both servers in every round, in alternating order; return a row per round."""
     results = np.empty((rounds, 2))
     for number in range(rounds):
         for side in (0, 1) if number % 2 else (1, 0):
@@ -80,5 +80,5 @@ if __name__ == '__main__':
         both = [Server(['bridge_node'], '/subject'), Server(PLAIN_WRAPPER, '/baseline')]
         print('|  | bridge | plain wrapper | ratio [quartiles] |\n|---|---|---|---|', flush=True)
         measure(both, 4 if is_brief else 20)
-        for each in both:
-            each.close()
+        for server in both:
+            server.close()

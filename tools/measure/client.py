@@ -73,7 +73,7 @@ class Caller:
     """Calls services from this process, by a participant of its own."""
 
     def __init__(self, *services: str) -> None:
-        """Wait until each service has answered: before, DDS may drop a request or its reply."""
+        """Wait until each service has answered, because DDS may drop the first requests or replies."""
         context = Context()
         rclpy.init(args=[], context=context)
         self._node = rclpy.create_node(f'measure_{os.getpid()}', context=context)
@@ -151,7 +151,7 @@ class ClientProcess:
 
 
 def start_clients(count: int, *services: str) -> list[ClientProcess]:
-    """Start clients; return them when each of their services has answered each of them."""
+    """Start clients; return them when every service has answered every client."""
     clients = [ClientProcess(*services) for _ in range(count)]
     for client in clients:
         client.line()

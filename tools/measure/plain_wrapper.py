@@ -1,8 +1,8 @@
 """
 A plain wrapper of the simulator, which teams used before this bridge; `make bench` compares the two.
 
-It offers the same service from the same simulator, and checks nothing. Its parameters, which change no time,
-are left out.
+It offers the same service from the same simulator, and checks nothing. It has no parameters, because they
+would not change the measured times.
 """
 
 from typing import Any

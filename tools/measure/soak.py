@@ -24,7 +24,7 @@ from client import Server, call_together, is_short, own_domain, start_clients
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-Promises: TypeAlias = Iterator[tuple[str, bool]]  # what was counted, and whether that is as promised
+Promises: TypeAlias = Iterator[tuple[str, bool]]  # the counts, and whether the promise is kept
 NAMESPACE = '/soak'
 CHANCE = random.SystemRandom()
 
@@ -50,7 +50,7 @@ def restarts_under_load(scale: int) -> Promises:
         else:
             server.close()
             killed += 1
-        server = bridge()  # returns when it is ready, whatever a killed one left
+        server = bridge()  # becomes ready even after a kill
     counts = sum((client.counts() for client in clients), Counter())
     text = f'{killed} times killed, {len(exit_codes)} times terminated, exit codes {set(exit_codes)}'
     yield text, set(exit_codes) == {0}
@@ -76,7 +76,7 @@ def sixteen_clients(scale: int) -> Promises:
 
 
 def recorders_killed(scale: int) -> Promises:
-    """Kill recorders of one file under 300 values a second; what they said is kept is in the file, once."""
+    """Kill recorders of one file under 300 values a second; the file has each row that they kept, once."""
     node = rclpy.create_node('robot', namespace=NAMESPACE)
     publisher = node.create_publisher(
         TagReading, 'readings', QoSProfile(depth=2000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -94,13 +94,13 @@ def recorders_killed(scale: int) -> Promises:
                 published += len(values)
                 time.sleep(0.2)
             recorder.close()
-            said = re.findall(r'(\d+) rows kept', '\n'.join(recorder.rest_of_log()))
-            kept += int(said[-1]) if said else 0  # so many since its start
+            counts = re.findall(r'(\d+) rows kept', '\n'.join(recorder.rest_of_log()))
+            kept += int(counts[-1]) if counts else 0  # the last count is the total since its start
         with closing(sqlite3.connect(file)) as database:
             rows = database.execute('SELECT stamp_ns, tag_id, sensor FROM readings').fetchall()
     node.destroy_node()
     twice = len(rows) - len(set(rows))
-    text = f'{published} rows published, {kept} said to be kept, {len(rows)} in the file, {twice} twice'
+    text = f'{published} rows published, {kept} logged as kept, {len(rows)} in the file, {twice} twice'
     yield f'{5 * scale} killed: {text}', 0 < kept <= len(rows) <= published and not twice
 
 

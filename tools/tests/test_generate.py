@@ -133,7 +133,7 @@ def test_files_that_git_ignores_and_other_interfaces_of_the_team_are_left_alone(
     [
         (UNITS, '', f'# {generate.HEADER}\n', 'holds the line of a generated file: remove it'),
         (f'{CORE_BRIDGE}/bridge_node.py', DIVERGENT, '', 'bridge_node.py: must have'),
-        (f'{CORE_BRIDGE}/bridge_node.py', DIVERGENT, 2 * DIVERGENT, 'once, and has it 2 times: here'),
+        (f'{CORE_BRIDGE}/bridge_node.py', DIVERGENT, 2 * DIVERGENT, 'once, but has it 2 times: this'),
         (TABLE, 'bridge_node.py', 'gone.py', 'gone.py: must have'),
         (TABLE, '[trees.monorepo]', '[trees.monorepo', 'twins.toml: '),
         (TABLE, 'address = ', 'adress = ', "twins.toml: 'address' is missing"),

@@ -173,4 +173,4 @@ def test_a_missing_file_one_without_a_patch_and_uncommitted_changes_are_refused(
     assert refused(result) == 'commit or stash your own changes first\n'
     command = [sys.executable, '-B', 'tools/mirror_import.py', 'missing.patch']
     missing = subprocess.run(command, cwd=monorepo, capture_output=True, text=True, check=False)
-    assert refused(missing) == 'PATCH=missing.patch is no file: write PATCH=N.patch\n'
+    assert refused(missing) == 'PATCH=missing.patch is not a file: write PATCH=N.patch\n'

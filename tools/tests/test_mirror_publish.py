@@ -181,7 +181,7 @@ def test_a_maintainer_who_signs_and_shows_signatures_publishes_too(repository, r
 @pytest.mark.parametrize(
     ('branch', 'reason'),
     [
-        ('main', 'main of the remote has commits that are not from here: import them first'),
+        ('main', 'main on the remote has commits that are not in this repository: import them first'),
         ('ready', 'the branch ready has changes of its own: move them to main by a patch'),
     ],
 )

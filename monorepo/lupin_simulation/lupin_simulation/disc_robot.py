@@ -21,16 +21,16 @@ class DiscRobot:
 
     def __init__(self, start: PoseInPlane, speed_m_per_s: float) -> None:
         """Stand at the start."""
-        # Where the robot has driven until it was stopped. Where it stood, a point is there twice in a row.
+        # The path until the last stop. A point that occurs twice in a row is a place where the robot stood.
         self.route: list[Point] = [start[:2]]
         self._speed_m_per_s, self._seconds = speed_m_per_s, 0.0
         self._plan(start, [], start.yaw)
 
     def follow(self, path: Iterable[Point], yaw: float) -> None:
         """Follow a new path, which begins where the robot is, and turn to this direction at its end."""
-        here, is_passed = self.pose, self._times[::2] <= self._seconds
-        self.route += [*itertools.compress(self._points[1:], is_passed[1:]), here[:2]]
-        self._plan(here, path, yaw)
+        start, is_passed = self.pose, self._times[::2] <= self._seconds
+        self.route += [*itertools.compress(self._points[1:], is_passed[1:]), start[:2]]
+        self._plan(start, path, yaw)
 
     def stop(self) -> None:
         """Stand still."""
@@ -42,7 +42,7 @@ class DiscRobot:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the robot has not yet reached the end of its path, or not yet its direction there."""
+        """Whether the robot still drives, or turns at the end of its path."""
         return bool(self._seconds < self._times[-1])
 
     @property
@@ -64,7 +64,7 @@ class DiscRobot:
         self._end = PoseInPlane(*self._points[-1], yaw)
         x, y = np.array(self._points).T
         headings = np.arctan2(np.diff(y), np.diff(x))
-        yaws = np.unwrap([start.yaw, *headings, yaw])  # so that each turn is the shorter one
+        yaws = np.unwrap([start.yaw, *headings, yaw])  # takes the shorter turn
         self._poses = np.column_stack([np.repeat(x, 2), np.repeat(y, 2), np.repeat(yaws, 2)[1:-1]])
         dx, dy, turn = np.diff(self._poses, axis=0).T
         steps_m = np.hypot(dx, dy)

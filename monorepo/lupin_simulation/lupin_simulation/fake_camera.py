@@ -51,7 +51,7 @@ class Settings(LayoutSettings):
     def tag_poses(self) -> dict[int, TagPose]:
         """Return the pose of each tag of tag36h11 in the layout by its number; raises StartUpError."""
         poses = find_tag_poses(*self.read_layout())
-        return {TAG_NUMBERS[tag_id]: each for tag_id, each in poses.items() if tag_id in TAG_NUMBERS}
+        return {TAG_NUMBERS[tag_id]: pose for tag_id, pose in poses.items() if tag_id in TAG_NUMBERS}
 
 
 class FakeCamera(Node):
@@ -63,8 +63,8 @@ class FakeCamera(Node):
         settings = declare_parameters(self, Settings)
         self._camera, self._random = PinholeCamera(), np.random.default_rng(0)
         self._tag_poses: dict[int, TagPose] = {}
-        self._tag_id = ''  # of the mission; on the robot it stays empty
-        self._eye: PoseInPlane | None = None  # of the robot, once its odometry has arrived
+        self._tag_id = ''  # from mission/at_tag; stays empty with from_odometry
+        self._eye: PoseInPlane | None = None  # the pose in the last odometry
         message_type, self._message_of = message_maker(settings.publishes)
         topic = TOPICS[settings.publishes]
         self._publisher: Any = self.create_publisher(message_type, topic, qos_profile_sensor_data)
@@ -120,7 +120,8 @@ def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
         from lupin_tag_confirmation.detector import TagDetector  # late: only detections need AprilTag 3
 
         detector = TagDetector()
-        return detection_messages().AprilTagDetectionArray, lambda each: detections_of(detector.detect(each))
+        message_type = detection_messages().AprilTagDetectionArray
+        return message_type, lambda picture: detections_of(detector.detect(picture))
     return {'image': (Image, image_of), 'compressed': (CompressedImage, compressed_image_of)}[publishes]
 
 

@@ -1,8 +1,8 @@
 """
 A navigator for simulations without Nav2: serves NavigateToPose, and moves a disc robot around the tables.
 
-Publishes `odom` and `amcl_pose`, which agree: both say where the robot is in the layout. Aborts a goal that
-has no path to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
+Publishes `odom` and `amcl_pose`, both with the exact pose of the robot in the layout. Aborts a goal that it
+cannot reach, and the current goal when a new one arrives. Has no localisation, no costmap and no recovery.
 
     ros2 run lupin_simulation fake_navigator --ros-args -p speedup:=20.0
 """
@@ -47,7 +47,7 @@ class FakeNavigator(Node):
 
     def __init__(self) -> None:
         """Read the layout, and serve the action; raises StartUpError."""
-        self._server: ActionServer[Any, Any, Any] | None = None  # if the start fails
+        self._server: ActionServer[Any, Any, Any] | None = None  # stays None if the start fails
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         if settings.route_file:
@@ -56,7 +56,7 @@ class FakeNavigator(Node):
         self._chance = random.Random(0)  # noqa: S311 - not for cryptography
         self._action = navigate_to_pose('fake_navigator', '')
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
-        self._goal: GoalHandle | None = None  # of the drive that the robot is on
+        self._goal: GoalHandle | None = None  # of the current drive
         self._results_due = 0
         self._moved_at = time.monotonic()
         self._odometry = self.create_publisher(Odometry, 'odom', QoSProfile(depth=10))
@@ -76,7 +76,7 @@ class FakeNavigator(Node):
         self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')
 
     def destroy_node(self) -> None:
-        """Withdraw the action too."""
+        """Destroy the action server too."""
         if self._server:
             self._server.destroy()
         super().destroy_node()
@@ -96,7 +96,7 @@ class FakeNavigator(Node):
 
     def _on_accepted(self, goal: GoalHandle) -> None:
         if self._goal:
-            self._end(self._goal, 'a newer goal has come')
+            self._end(self._goal, 'replaced by a newer goal')
         self._goal = goal
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
         path = self._grid.path(start[:2], target[:2])
@@ -108,13 +108,13 @@ class FakeNavigator(Node):
 
     def _failure_of(self, start: PoseInPlane, target: PoseInPlane) -> tuple[str, int]:
         """Return why there is no path, and Nav2's code for it."""
-        here, there = (f'{each.x:.2f}, {each.y:.2f} m' for each in (start, target))
+        here, there = (f'{pose.x:.2f}, {pose.y:.2f} m' for pose in (start, target))
         if not self._grid.is_free(*target[:2]):
             return f'the goal at {there} is occupied', GOAL_OCCUPIED
         return f'no path from {here} to goal {there}', NO_VALID_PATH
 
     def _step(self) -> None:
-        """Move the robot for the time that has passed, and end its goal if it is done."""
+        """Move the robot for the time since the last step, and end its goal if it has arrived."""
         goal, now = self._goal, time.monotonic()
         if goal and goal.is_cancel_requested:
             self._robot.stop()
@@ -134,7 +134,7 @@ class FakeNavigator(Node):
         self._write_route()
         self._goal = None
         self._results_due += 1
-        # Not earlier: a goal that executes waits for its result.
+        # Only now, because an executing goal waits for its result.
         goal.execute(partial(self._result, failure=failure, error_code=error_code))
 
     def _result(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> Any:

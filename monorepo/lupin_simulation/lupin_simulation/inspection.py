@@ -71,10 +71,10 @@ def has_lines(report: Path) -> bool:
 
 def run_nodes(commands: dict[str, list[str]], report: Path) -> int:
     """
-    Run these commands on a ROS domain of their own until the last one, the mission, ends; end the last first.
+    Run these commands on their own ROS domain until the last one, the mission, ends. Then end the others.
 
     Returns the exit code of the mission, or else of the recorder. Raises NodeEnded if another node ends
-    before, and KeyboardInterrupt after Ctrl-C or SIGTERM.
+    first, and KeyboardInterrupt after Ctrl-C or SIGTERM.
     """
     processes: dict[str, subprocess.Popen[bytes]] = {}
     with contextlib.ExitStack() as stack:
@@ -89,11 +89,11 @@ def run_nodes(commands: dict[str, list[str]], report: Path) -> int:
         mission = processes['mission_orchestrator']
         while mission.poll() is None:
             raise_if_asked_to_end()
-            for name, each in processes.items():
-                if each is not mission and each.poll() is not None:
-                    if not has_lines(report):  # nobody needs the table of a mission that has not begun
+            for name, node in processes.items():
+                if node is not mission and node.poll() is not None:
+                    if not has_lines(report):  # a mission that has not begun needs no table
                         mission.kill()
-                    ended = f'ended before the mission, with exit code {each.returncode}'
+                    ended = f'ended before the mission, with exit code {node.returncode}'
                     raise NodeEnded(f'{name} {ended}: its log is above')
             process.sleep(LOOK_EVERY_SECONDS)
         raise_if_asked_to_end()
@@ -114,7 +114,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Return the options of the command line, with the parameters by name."""
     names = f'The names: {", ".join(SETTABLE)}.'
-    parser = Parser(prog='inspection', description='Run a mission and all that it needs.', epilog=names)
+    parser = Parser(prog='inspection', description='Run a mission and the nodes that it needs.', epilog=names)
     add = parser.add_argument
     add('--camera', action='store_true', help='confirm each tag with the camera')
     drive = 'drive a simulated robot to each tag, with fake_navigator in place of Nav2'
@@ -128,10 +128,10 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     left_out |= set() if options.drive else {'fake_navigator'}
     known = set().union(*(names for node, names in PARAMETERS.items() if node not in left_out))
     options.parameters = {}
-    for each in options.arguments:
-        name, _, value = each.partition(':=')
+    for argument in options.arguments:
+        name, _, value = argument.partition(':=')
         if not value:
-            parser.error(f"'{escaped(each, 64)}' sets no parameter: write name:=value")
+            parser.error(f"'{escaped(argument, 64)}' sets no parameter: write name:=value")
         if name not in known:
             needed = ' without --camera or --drive' if name in SETTABLE else ''
             parser.error(f'no node has a parameter {escaped(name, 64)}{needed}')

@@ -1,4 +1,4 @@
-"""The nodes of an inspection as commands, with the parameters that each of them gets. Does not import ROS."""
+"""The commands of the nodes of an inspection, with their parameters. Does not import ROS."""
 
 import argparse
 import json
@@ -27,7 +27,7 @@ SETTINGS = {
 # The inspection itself sets these; tag_locations_file is the mission's name for tag_file.
 SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file', 'tag_locations_file'}
 PARAMETERS = {
-    node: {each.name: each for each in fields(kind) if each.name not in SET_HERE}
+    node: {field.name: field for field in fields(kind) if field.name not in SET_HERE}
     for node, kind in SETTINGS.items()
 }
 PARAMETERS['record_readings'] = {'tag_file': PARAMETERS['bridge_node']['tag_file']}
@@ -48,18 +48,18 @@ def companion(report: Path, name: str) -> Path:
 
 
 def command(package: str, node: str, given: dict[str, str], **parameters: Any) -> list[str]:
-    """Return the command of a node with these parameters, before those that the user has given."""
+    """Return the command of a node. The parameters of the user override the others."""
     rules = {name: json.dumps(value, ensure_ascii=False) for name, value in parameters.items()}
     for name, value in given.items():
-        if each := PARAMETERS[node].get(name):
-            # ROS reads a value as YAML, which takes the id 010 for 8.
-            rules[name] = json.dumps(value, ensure_ascii=False) if each.type is str else value
+        if field := PARAMETERS[node].get(name):
+            # ROS parses a value as YAML, which reads the id 010 as the number 8.
+            rules[name] = json.dumps(value, ensure_ascii=False) if field.type is str else value
     words = [word for name, value in rules.items() for word in ('-p', f'{name}:={value}')]
     return [executable(package, node), '--ros-args', *words]
 
 
 def commands_of(options: argparse.Namespace, report: Path) -> dict[str, list[str]]:
-    """Return the command of each node by its name. The last one is the mission; the first one ends last."""
+    """Return the commands by node name. The mission is the last one. The first one ends last."""
     given: dict[str, str] = options.parameters
     nodes = {}
     mission: dict[str, Any] = {'report_file': str(report), 'wait_for_start': False, 'drive': 'simulated'}

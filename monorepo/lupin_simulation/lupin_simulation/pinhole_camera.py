@@ -58,14 +58,14 @@ class PinholeCamera:
         self, eye: PoseInPlane, tags: Mapping[int, TagPose], random: np.random.Generator
     ) -> np.ndarray:
         """
-        Return a scene with the tags, which are given by their numbers, that are in view from `eye`.
+        Return a scene with those of `tags`, by number, that are in view from `eye`.
 
-        The camera is as high as the tags, and looks along the yaw. A nearer tag hides a farther one, from
-        behind too. Tables are lower.
+        The camera is as high as the tags, and looks along the yaw. A nearer tag hides a farther one, also if
+        it shows its back. Tables are lower and hide nothing.
         """
         scene = self.wall(random)
         x, y, yaw = eye
-        for number, tag in sorted(tags.items(), key=lambda each: -math.dist(each[1][:2], (x, y))):
+        for number, tag in sorted(tags.items(), key=lambda item: -math.dist(item[1][:2], (x, y))):
             dx, dy, turned = tag.x - x, tag.y - y, tag.facing - yaw
             ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
             centre = np.array([math.sin(yaw) * dx - math.cos(yaw) * dy, 0.0, ahead])

@@ -22,7 +22,7 @@ TABLE_HEIGHT_M = 0.20
 WALL_HEIGHT_M = 0.20
 THICKNESS_M = 0.1  # of the floor and the walls
 PLATE_THICKNESS_M = 0.004
-POST_M = 0.01  # the sides of the post below each plate
+POST_M = 0.01  # side length of the post below a plate
 GAP_M = 0.0005  # between the plate and the tag on it
 TEXTURE_MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mipmaps
 SLATE, GREY, BROWN, GREEN = '0.35 0.4 0.45', '0.65 0.65 0.65', '0.7 0.55 0.38', '0.5 0.62 0.48'
@@ -121,8 +121,11 @@ def _sdf(layout: Layout, walls: Walls, tag_poses: dict[int, TagPose], paper_m: f
     for number, table in enumerate(tables_of(layout), 1):
         models.append(_box(f'table_{number}', table, 0.0, TABLE_HEIGHT_M, BROWN))
     models += [_tag(number, tag_pose, paper_m) for number, tag_pose in tag_poses.items()]
-    lights = [LIGHT.format(number=n, direction=each) for n, each in enumerate(LIGHT_DIRECTIONS, 1)]
-    sdf = fromstring(WORLD.format(lights=''.join(lights), models=''.join(models)))  # noqa: S314 - from here
+    lights = [
+        LIGHT.format(number=number, direction=direction)
+        for number, direction in enumerate(LIGHT_DIRECTIONS, 1)
+    ]
+    sdf = fromstring(WORLD.format(lights=''.join(lights), models=''.join(models)))  # noqa: S314 - our own text
     indent(sdf)
     return HEADER + tostring(sdf) + b'\n'
 

@@ -10,7 +10,7 @@ MODULES = 8  # along a side, with the black border
 
 def marker(tag_number: int, module_pixels: int = 1) -> np.ndarray:
     """
-    Return a tag with its black border and without its white one, as OpenCV draws it: upside down.
+    Return a tag with its black border, without its white border, and upside down, as OpenCV draws it.
 
     Each of the MODULES x MODULES modules is a square of `module_pixels`, uint8, 0 or 255.
     """

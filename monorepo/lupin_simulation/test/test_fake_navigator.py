@@ -186,7 +186,7 @@ def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_th
     client.stays_at(here, clock)
     assert client.status_of(goal) == GoalStatus.STATUS_CANCELED
     first, second = client.send(FAR), client.send(NEAR)
-    assert client.is_aborted(first, error_msg='a newer goal has come')
+    assert client.is_aborted(first, error_msg='replaced by a newer goal')
     clock.pass_seconds(HOUR)
     assert client.status_of(second) == GoalStatus.STATUS_SUCCEEDED
     client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
