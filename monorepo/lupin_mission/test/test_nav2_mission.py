@@ -248,7 +248,7 @@ def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
     assert reader.tag_ids == ['2', '1']
     (warning,) = mission.warnings()
     assert 'the order is not the shortest: ' in warning
-    assert 'is cut off from (1.50, 1.75)' in warning
+    assert 'from (1.50, 1.75)' in warning
 
 
 def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
