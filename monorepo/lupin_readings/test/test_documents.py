@@ -88,9 +88,13 @@ def test_the_program_that_reacts_to_readings_runs_as_pasted_until_ctrl_c(start_n
     example = READINGS.python_blocks()[0].replace('lupin_msgs', messages)
     react = start_node([sys.executable, '-c', example])
     readings = robot.create_publisher(TagReading, '/read_on_sight/readings', latched())
-    reading = TagReading(tag_id='1', readings=[SensorReading(name='co2', value=501.0)])
-    robot.create_timer(0.1, lambda: readings.publish(reading))
+    values = [SensorReading(name='co2', value=501.0)]
+    timer = robot.create_timer(0.1, lambda: readings.publish(TagReading(tag_id='1', readings=values)))
     react.wait_for_log('tag 1: ventilate')
+    timer.cancel()
+    # rclpy cannot be interrupted while it takes a message: this is the last one.
+    readings.publish(TagReading(tag_id='2', readings=values))
+    react.wait_for_log('tag 2: ventilate')
     assert react.stop(signal.SIGINT) == 0
 
 
