@@ -44,7 +44,7 @@ def test_the_tutorial(copy, open_shell):
 def test_the_course(open_shell):
     """A bridge with the seed of a team has the team's values."""
     shell = open_shell()
-    (compare,) = [text for mark, _, text in shell_blocks_of(f'{PAGES}/network.md') if mark]
+    (compare,) = [text for mark, _, text in shell_blocks_of(f'{PAGES}/README.md') if mark]
     assert 'team 2 has the values of its seed' in shell.run(f'source ci/ros_env.bash\n{compare}')
     values = shell.run('cat my_team2.csv')
     assert re.findall(r'^(\d,\w+),', values, re.MULTILINE)[:2] == ['1,temperature', '1,co2'], values

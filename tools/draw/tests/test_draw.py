@@ -81,7 +81,7 @@ def test_the_page_of_the_simulator_has_the_range_and_the_noise_of_each_sensor():
         values = [figure.value(simulator, name, place, half / 2) for place in places for half in range(48)]
         noise = max(component['noise_sigma'] for component in config[name])
         rows.add(f'| {name} | {min(values):.3g} | {max(values):.3g} | {unit_of(name)} | {noise:g} |')
-    page = (figure.COMMITTED / 'simulator.md').read_text(encoding='utf-8')
+    page = (figure.COMMITTED / 'formats.md').read_text(encoding='utf-8')
     mark = f'<!-- ranges of mdp-greenhouse {version("mdp-greenhouse")} -->\n'
     assert set(page.partition(mark)[2].partition('\n\n')[0].splitlines()[2:]) == rows
 

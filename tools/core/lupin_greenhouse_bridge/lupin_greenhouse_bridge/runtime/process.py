@@ -42,7 +42,7 @@ def sleep(seconds: float) -> None:
 
 
 def private_domains() -> Callable[[], int]:
-    """Return the argument of domain_coordinator.domain_id(): the domains of no team (doc/network.md)."""
+    """Return the argument of domain_coordinator.domain_id(): the domains of no team (doc/README.md)."""
     return itertools.cycle(range(71, 102)).__next__
 
 
