@@ -116,9 +116,8 @@ def test_files_that_git_ignores_and_other_interfaces_of_the_team_are_left_alone(
     for folder in (*TREES, 'tools/core'):
         for name in ('setup.py.ignored', '__pycache__/settings.pyc', *left_by_editors):
             edit(repository / folder / BRIDGE / name, '', 'lupin_msgs lupin_greenhouse_msgs')
-        (repository / folder / BRIDGE / '.#units.py').symlink_to(
-            'somebody@somewhere.1234'
-        )  # an editor's lock
+        lock_of_an_editor = repository / folder / BRIDGE / '.#units.py'
+        lock_of_an_editor.symlink_to('somebody@somewhere.1234')
     before = snapshot(repository)
     assert run(repository, '--check') == run(repository) == 0
     assert snapshot(repository) == before

@@ -92,9 +92,8 @@ def info_request() -> GetParameters.Request:
 
 def info_of(response: GetParameters.Response) -> BridgeInfo:
     """Return the BridgeInfo in a response to info_request()."""
-    values = dict(
-        zip(info_request().names, response.values, strict=False)
-    )  # a node without one of them returns none
+    # A node without one of the parameters returns none of them.
+    values = dict(zip(info_request().names, response.values, strict=False))
     if len(values) < 2:
         return BridgeInfo([], '')
     tag_ids = list(values[TAG_IDS_PARAMETER].string_array_value)

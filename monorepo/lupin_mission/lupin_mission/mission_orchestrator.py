@@ -216,9 +216,8 @@ class MissionNode(Node):
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str]) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
         before = self.current
-        is_continued = (
-            not self._settings.wait_for_start
-        )  # With wait_for_start, each mission has its own report.
+        # With wait_for_start, each mission has its own report.
+        is_continued = not self._settings.wait_for_start
         observations = list(self._report.observations) if self._report and is_continued else []
         read_before = read_tags(observations)
         to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]

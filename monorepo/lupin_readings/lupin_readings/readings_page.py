@@ -58,16 +58,8 @@ ARROW_EVERY_M, SHORTEST_LEG_M = 5.0, 0.25  # a shorter leg of a route has no arr
 NS_PER_MS = 1_000_000
 TO, SPACE = '\u00a0to ', '\u00a0'  # no unit is alone on a line
 PAGE = Path(__file__).parent / 'page'
-SCRIPTS = (
-    'data',
-    'drawing',
-    'labels',
-    'choice',
-    'map',
-    'table',
-    'charts',
-    'page',
-)  # in the order of their imports
+# In the order of their imports.
+SCRIPTS = 'data', 'drawing', 'labels', 'choice', 'map', 'table', 'charts', 'page'
 MARK = b'<meta name="generator" content="readings_page">'  # in the head of each page
 Limits = dict[str, tuple[float, float]]  # the values at the ends of the colours, by sensor
 

@@ -131,12 +131,11 @@ class RecordReadingsNode(Node):
 
     def _on_reading(self, reading: TagReading, topic: str) -> None:
         if not self._has_places:
-            self._has_places = True  # say it once
+            self._has_places = True  # the warning comes once
             self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
-        self._buffer.add(
-            [row for row in rows if not fault_of(row)]
-        )  # invalid rows would make the file unreadable
+        # Invalid rows would make the file unreadable.
+        self._buffer.add([row for row in rows if not fault_of(row)])
         if faults := list(filter(None, map(fault_of, rows))):
             self._refused += len(faults)
             self.get_logger().warning(

@@ -1,11 +1,9 @@
 """The rows of recorded readings, with one value each, and how they are written. Does not import ROS."""
 
-import csv
 import datetime
 import math
 import re
 from collections.abc import Iterable, Sequence
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lupin_greenhouse_bridge.errors import escaped
@@ -106,11 +104,3 @@ def fault_of(row: Row) -> str:
 
 def _fault(row: Row, name: str, wanted: str) -> str:
     return f'{name} of {row.sensor} is {escaped(repr(getattr(row, name)), 60)}: must be {wanted}'
-
-
-def csv_text(rows: Iterable[Row]) -> str:
-    r"""Return rows as lines of CSV that end in \n, without the header."""
-    lines: list[str] = []
-    # The writer quotes \r and \n inside values, so a tag id cannot end a line.
-    csv.writer(SimpleNamespace(write=lines.append)).writerows(rows)
-    return ''.join(f'{line[:-2]}\n' for line in lines)

@@ -89,9 +89,8 @@ class Store:
                 before = connection.total_changes
                 with connection:  # commits, or rolls back
                     connection.executemany(_INSERT, rows)
-                if self._identity == _identity_of(
-                    self._path
-                ):  # otherwise the rows went to a deleted or moved file
+                # Otherwise the rows went to a deleted or moved file.
+                if self._identity == _identity_of(self._path):
                     return connection.total_changes - before
         except (OSError, ValueError, sqlite3.Error) as error:
             self.close()

@@ -21,7 +21,6 @@ from rclpy.validate_topic_name import validate_topic_name
 
 NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
 DEPTH = 2000  # waiting readings: 1000 per second while a file is written for two seconds
-OF_A_MISSION = ' (make mission has a domain of its own: record it with RECORD=FILE)'
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
@@ -82,13 +81,11 @@ def subscribe_to_readings(
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
-    # The recorder of `make mission` has one topic, and does not need the remark.
-    remark = OF_A_MISSION if len(names) > 1 else ''
-    watch_publishers(node, names, 'a mission or read_on_sight that starts', remark)
+    watch_publishers(node, names, 'a mission or read_on_sight that starts')
     return names
 
 
-def watch_publishers(node: Node, topics: list[str], awaited: str, remark: str = '') -> None:
+def watch_publishers(node: Node, topics: list[str], awaited: str) -> None:
     """Log once if there is no publisher for a while, and again when the first publisher appears."""
     has_logged, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
 
@@ -102,7 +99,7 @@ def watch_publishers(node: Node, topics: list[str], awaited: str, remark: str = 
             has_logged = True
             node.get_logger().info(
                 f'no publisher of {" or ".join(topics)} is found yet on domain {domain_id()}:'
-                f' wait for {awaited}, or set ROS_DOMAIN_ID to its domain{remark}'
+                f' wait for {awaited}, or set ROS_DOMAIN_ID to its domain'
             )
 
     timer = steady_timer(node, LOOK_EVERY_SECONDS, look)
